@@ -1,0 +1,232 @@
+"""Where a growing oscillation stops, by the describing function: a first guess without a guess.
+
+Each element is replaced by what its force's first harmonic amounts to at an assumed amplitude.
+At a given amplitude of one coordinate the system then has modes with growth rates; a limit cycle
+is where the growth rate is zero, and it is stable where the rate falls as the amplitude rises.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .elements import Coulomb, QuadraticDamping
+from .harmonics import Complex, Real, to_complex, to_real
+from .system import System
+
+_STEP_RATIO = 1.4
+_SMALLEST_STEP_RATIO = 1.005
+_LARGEST_AMPLITUDE_RATIO = 1e7
+_SMALLEST_AMPLITUDE_RATIO = 0.02
+_NEWTON_ITERATIONS = 12
+_TOLERANCE = 1e-9
+_SMALL_CHANGE = 0.01
+
+
+class Mode(NamedTuple):
+    """A mode at one amplitude: complex shape x (n,) and ``rate`` sigma + i omega [1/s]."""
+
+    shape: Complex
+    rate: complex
+
+
+class FirstHarmonic(NamedTuple):
+    """A one-harmonic guess of a limit cycle: coefficients (n, 2) and frequency [rad/s]."""
+
+    coefficients: Real
+    frequency: float
+
+
+def with_coulomb_factor(system: System, factor: float) -> System:
+    """The same system with every Coulomb element's torque multiplied by ``factor``."""
+    elements = tuple(
+        replace(element, torque=factor * element.torque) if isinstance(element, Coulomb)
+        else element
+        for element in system.elements
+        if factor > 0.0 or not isinstance(element, Coulomb)
+    )
+    return replace(system, elements=elements)
+
+
+def reference_coordinate(system: System) -> int:
+    """The coordinate whose amplitude and phase describe a cycle: the first Coulomb element's."""
+    for element in system.elements:
+        if isinstance(element, Coulomb):
+            return element.dof
+    return system.nonlinear_dofs[0]
+
+
+def linear_modes(system: System) -> list[Mode]:
+    """The oscillating modes of M q'' + C q' + K q = 0, the fastest growing first."""
+    count = system.dofs
+    state = np.block([
+        [np.zeros((count, count)), np.eye(count)],
+        [-np.linalg.solve(system.mass, system.stiffness),
+         -np.linalg.solve(system.mass, system.damping)],
+    ])
+    rates, vectors = np.linalg.eig(state)
+    found = [Mode(vectors[:count, i], complex(rates[i]))
+             for i in np.argsort(-rates.real) if rates[i].imag > 0.0]
+    return found
+
+
+def growing_cycles(system: System, coulomb_factor: float = 1.0) -> list[FirstHarmonic]:
+    """Cycles at which an oscillation that grows from rest with friction released comes to a stop.
+
+    One per growing mode at most, that of the fastest growing mode first. Coulomb torques are
+    multiplied by ``coulomb_factor``. Coulomb and velocity-squared elements only take energy; with
+    a general element a mode that decays at small amplitude may grow at a larger one, and is
+    looked at as well.
+    """
+    found = []
+    dissipative = all(isinstance(e, (Coulomb, QuadraticDamping)) for e in system.elements)
+    for mode in linear_modes(with_coulomb_factor(system, 0.0)):
+        if dissipative and mode.rate.real <= 0.0:
+            continue
+        cycle = _stop_of_growth(system, mode, coulomb_factor)
+        if cycle is not None:
+            found.append(cycle)
+    return found
+
+
+def _stop_of_growth(system: System, mode: Mode, factor: float) -> FirstHarmonic | None:
+    reference = reference_coordinate(system)
+    free = with_coulomb_factor(system, 0.0)
+    if mode.shape[reference] == 0.0:
+        return None
+    unit = Mode(mode.shape / mode.shape[reference], mode.rate)
+    start = _small_amplitude(free, unit, reference)
+    if start is None:
+        return None
+    amplitude, at_start = start
+    top = _scan(free, at_start, reference, amplitude, _LARGEST_AMPLITUDE_RATIO * amplitude,
+                falling=True)
+    if top is None:
+        return None
+    if factor == 0.0 or free is system:
+        return _at_amplitude(*top)
+    with_friction = _turn_on_friction(system, top[1], reference, top[0], factor)
+    if with_friction is None:
+        return None
+    sliding = with_coulomb_factor(system, factor)
+    if with_friction.rate.real > 0.0:
+        end = _scan(sliding, with_friction, reference, top[0],
+                    _LARGEST_AMPLITUDE_RATIO * top[0], falling=True)
+    else:
+        end = _scan(sliding, with_friction, reference, top[0],
+                    _SMALLEST_AMPLITUDE_RATIO * top[0], falling=False)
+    return None if end is None else _at_amplitude(*end)
+
+
+def _small_amplitude(system: System, mode: Mode, reference: int) -> tuple[float, Mode] | None:
+    """An amplitude so small that the elements, friction released, hardly change the mode."""
+    amplitude = 1.0
+    for _ in range(60):
+        near = _mode_at(system, amplitude, mode, reference)
+        if near is not None and abs(near.rate - mode.rate) < _SMALL_CHANGE * abs(mode.rate):
+            return amplitude, near
+        amplitude /= 4.0
+    return None
+
+
+def _scan(system: System, mode: Mode, reference: int, start: float, end: float, falling: bool
+          ) -> tuple[float, Mode] | None:
+    """Follow ``mode`` from amplitude ``start`` to ``end`` until its growth rate changes sign.
+
+    ``falling`` looks for a change from growth to decay, otherwise from decay to growth.
+    """
+    direction = 1.0 if end > start else -1.0
+    amplitude, ratio = start, _STEP_RATIO
+    if falling and mode.rate.real <= 0.0:
+        # A mode that decays at small amplitude may still grow at a larger one.
+        rising = _scan(system, mode, reference, start, end, falling=False)
+        if rising is None:
+            return None
+        amplitude, mode = rising
+    while (end - amplitude) * direction > 0.0:
+        following = amplitude * ratio**direction
+        new = _mode_at(system, following, mode, reference)
+        if new is None or abs(new.rate - mode.rate) > 0.5 * abs(mode.rate):
+            if ratio <= _SMALLEST_STEP_RATIO:
+                return None
+            ratio = ratio**0.5
+            continue
+        if (new.rate.real <= 0.0) if falling else (new.rate.real > 0.0):
+            old_rate, new_rate = mode.rate.real, new.rate.real
+            part = old_rate / (old_rate - new_rate)
+            crossing = amplitude * ratio**(direction * part)
+            refined = _mode_at(system, crossing, new, reference)
+            return (following, new) if refined is None else (crossing, refined)
+        amplitude, mode = following, new
+        ratio = min(_STEP_RATIO, ratio**1.5)
+    return None
+
+
+def _turn_on_friction(system: System, mode: Mode, reference: int, amplitude: float, factor: float
+                      ) -> Mode | None:
+    reached, step = 0.0, 1.0
+    while reached < 1.0:
+        part = min(1.0, reached + step)
+        new = _mode_at(with_coulomb_factor(system, factor * part), amplitude, mode, reference)
+        if new is None or abs(new.rate - mode.rate) > 0.5 * abs(mode.rate):
+            step *= 0.5
+            if step < 1e-3:
+                return None
+            continue
+        reached, mode = part, new
+    return mode
+
+
+def _mode_at(system: System, amplitude: float, guess: Mode, reference: int) -> Mode | None:
+    """Newton's method for (mu^2 M + mu C + K) x + F(x, Im mu) = 0 with x[reference] = amplitude.
+
+    Shapes are relative to the reference coordinate's; None where it does not converge.
+    """
+    count = system.dofs
+    shape, rate = guess
+    place = 2 * reference
+    for _ in range(_NEWTON_ITERATIONS):
+        linear = rate**2 * system.mass + rate * system.damping + system.stiffness
+        turning = (2.0 * rate * system.mass + system.damping) @ (amplitude * shape)
+        residual = _interleaved(linear @ (amplitude * shape))
+        matrix = np.zeros((count, 2, count, 2))
+        matrix[:, 0, :, 0] = matrix[:, 1, :, 1] = linear.real
+        matrix[:, 0, :, 1] = linear.imag
+        matrix[:, 1, :, 0] = -linear.imag
+        by_growth = _interleaved(turning)
+        by_frequency = _interleaved(1j * turning)
+        coefficients = to_real(amplitude * shape[:, None])
+        for element in system.elements:
+            dofs = list(element.dofs)
+            force = element.balance(coefficients[dofs], rate.imag)
+            residual[dofs] += force.force
+            by_frequency[dofs] += force.by_frequency
+            matrix[np.ix_(dofs, range(2), dofs, range(2))] += force.by_coefficients
+        flat = amplitude * matrix.reshape(2 * count, 2 * count)
+        size = abs(rate)
+        flat[:, place] = size * by_growth.ravel()
+        flat[:, place + 1] = size * by_frequency.ravel()
+        try:
+            step = np.linalg.solve(flat, -residual.ravel())
+        except np.linalg.LinAlgError:
+            return None
+        rate += complex(size * step[place], size * step[place + 1])
+        step[place] = step[place + 1] = 0.0
+        change = to_complex(step.reshape(count, 2))[:, 0]
+        shape = shape + change
+        if not (np.isfinite(rate) and np.all(np.isfinite(shape)) and rate.imag > 0.0):
+            return None
+        if np.linalg.norm(change) <= _TOLERANCE * np.linalg.norm(shape) and (
+                np.linalg.norm(residual) <= 1e-6 * np.linalg.norm(linear) * amplitude):
+            return Mode(shape, rate)
+    return None
+
+
+def _at_amplitude(amplitude: float, mode: Mode) -> FirstHarmonic:
+    return FirstHarmonic(to_real(amplitude * mode.shape[:, None]), mode.rate.imag)
+
+
+def _interleaved(x: Complex) -> Real:
+    return to_real(x[:, None])

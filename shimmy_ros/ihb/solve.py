@@ -1,0 +1,233 @@
+"""Limit cycles of a system: cold, warm, and followed from one system to another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .balance import balance, recovered
+from .continuation import ContinuationError, branch
+from .describing_function import (
+    FirstHarmonic,
+    growing_cycles,
+    reference_coordinate,
+    with_coulomb_factor,
+)
+from .elements import Coulomb
+from .harmonics import Real, shifted, to_complex, with_harmonics
+from .newton import (
+    RESIDUAL_TOLERANCE,
+    Convergence,
+    Phase,
+    Point,
+    newton,
+    phase_of,
+)
+from .solution import LimitCycle, Outcome, Result
+from .system import Family, System
+
+# A residual of all coordinates may exceed that of the active ones by rounding alone.
+_CHECK_TOLERANCE = 100.0 * RESIDUAL_TOLERANCE
+# A converged point further from its guess than this may lie on another branch.
+_LARGEST_WARM_CHANGE = 0.25
+_LARGEST_WARM_FREQUENCY_CHANGE = 0.1
+_LARGEST_COLD_CHANGE = 0.6
+_MAXIMUM_BRANCH_POINTS = 400
+_FACTORS = (0.5, 0.25, 0.125, 0.0)
+
+
+def solve_cold(system: System, harmonics: int) -> Result:
+    """The limit cycle that a growing oscillation reaches, without a guess.
+
+    The describing function gives the first harmonic. Where it sees no cycle, or the full balance
+    does not converge from it, the Coulomb friction is reduced until one is found, and the branch
+    is followed as the friction comes back: to the cycle, or to the fold in which it ends.
+    """
+    if not system.elements:
+        return _without(Outcome.NO_LIMIT_CYCLE, 0, False,
+                        "no limit cycle: the system is linear")
+    iterations = 0
+    for guess in growing_cycles(system):
+        result = _from_first_harmonic(system, guess, harmonics)
+        iterations += result.iterations
+        if result.outcome is Outcome.LIMIT_CYCLE:
+            return replace(result, iterations=iterations)
+    if any(isinstance(element, Coulomb) for element in system.elements):
+        family = _friction_family(system)
+        for factor in _FACTORS:
+            for guess in growing_cycles(system, factor):
+                start = _from_first_harmonic(with_coulomb_factor(system, factor), guess, harmonics)
+                iterations += start.iterations
+                if start.limit_cycle is None:
+                    continue
+                result = follow(family, start.limit_cycle, factor, 1.0)
+                return replace(result, iterations=iterations + result.iterations, warm=False)
+    if iterations:
+        return _without(Outcome.FAILED, iterations, False,
+                        "did not converge: the balance could not be solved from the describing "
+                        "function's cycle")
+    return _without(Outcome.NO_LIMIT_CYCLE, 0, False, "no limit cycle: no oscillation grows from "
+                    "rest to one at which it would stop")
+
+
+def solve_warm(system: System, start: LimitCycle) -> Result:
+    """The limit cycle near ``start``, by Newton's method alone, with its number of harmonics.
+
+    Fails, and says so, where Newton's method does not converge, and where it converges to a cycle
+    too far from ``start`` to be of the same branch for certain.
+    """
+    converged, active = _newton_near(system, start)
+    if not converged.converged:
+        return _failed(converged, True)
+    if converged.orientation != start.orientation or not _near(
+            start.coefficients[list(active)], start.frequency, converged.point,
+            _LARGEST_WARM_CHANGE):
+        return _without(Outcome.FAILED, converged.iterations, True,
+                        "did not converge to a cycle near enough to be of the same branch",
+                        converged.residual)
+    return _checked(system, converged, active, True)
+
+
+def follow(family: Family, start: LimitCycle, parameter: float, target: float) -> Result:
+    """The limit cycle at parameter ``target`` on the branch of ``start`` at ``parameter``.
+
+    Goes in one step where that is safe, otherwise in as many as the branch needs. The answer is
+    NO_LIMIT_CYCLE where the branch turns back in a fold on the way, with the fold's parameter.
+    """
+    direct = solve_warm(family.system(target), start)
+    if direct.outcome is Outcome.LIMIT_CYCLE or parameter == target:
+        return direct
+    iterations = direct.iterations
+    system = family.system(parameter)
+    active = _active(system, family.system(target))
+    phase, point = _placed(system, start, active)
+    direction = 1 if target > parameter else -1
+    scale = abs(target - parameter)
+    previous = None
+    try:
+        for count, here in enumerate(branch(family, point, parameter, scale, direction, active,
+                                            phase)):
+            iterations += here.iterations
+            if here.slope * direction <= 0.0:
+                share = 100.0 * (here.parameter - parameter) / (target - parameter)
+                return _without(
+                    Outcome.NO_LIMIT_CYCLE, iterations, True,
+                    f"no limit cycle: the branch ends in a fold {share:.1f} % of the way",
+                    here.residual)
+            if (here.parameter - target) * direction >= 0.0:
+                assert previous is not None
+                part = (target - previous.parameter) / (here.parameter - previous.parameter)
+                guess = Point(
+                    previous.point.coefficients
+                    + part * (here.point.coefficients - previous.point.coefficients),
+                    previous.point.frequency
+                    + part * (here.point.frequency - previous.point.frequency))
+                last = newton(family.system(target), guess, active, phase)
+                last = last._replace(iterations=last.iterations + iterations)
+                if not last.converged:
+                    return _failed(last, True)
+                if last.orientation != here.orientation:
+                    return _without(Outcome.FAILED, last.iterations, True,
+                                    "did not converge to a cycle of the same branch",
+                                    last.residual)
+                return _checked(family.system(target), last, active, True)
+            if count >= _MAXIMUM_BRANCH_POINTS:
+                break
+            previous = here
+    except ContinuationError as error:
+        return _without(Outcome.FAILED, iterations, True, f"did not converge: {error}")
+    return _without(Outcome.FAILED, iterations, True,
+                    f"did not converge: the branch is longer than {_MAXIMUM_BRANCH_POINTS} steps")
+
+
+def _from_first_harmonic(system: System, guess: FirstHarmonic, harmonics: int) -> Result:
+    """Newton's method at N harmonics from one; in between, by doubling, where that fails."""
+    active = system.nonlinear_dofs
+    iterations = 0
+    reference = reference_coordinate(system)
+    ladder = [harmonics]
+    first = Point(guess.coefficients[list(active)], guess.frequency)
+    while True:
+        point = first
+        for count in ladder:
+            point = Point(with_harmonics(point.coefficients, count), point.frequency)
+            converged = newton(system, point, active, phase_of(active, count, reference))
+            iterations += converged.iterations
+            converged = converged._replace(iterations=iterations)
+            if not converged.converged or not _near(
+                    first.coefficients, first.frequency, converged.point, _LARGEST_COLD_CHANGE):
+                break
+            point = converged.point
+        else:
+            return _checked(system, converged, active, False)
+        if ladder[0] == 1:
+            return _failed(converged, False)
+        ladder = [max(1, ladder[0] // 2), *ladder]
+
+
+def _newton_near(system: System, start: LimitCycle) -> tuple[Convergence, tuple[int, ...]]:
+    active = system.nonlinear_dofs
+    phase, point = _placed(system, start, active)
+    return newton(system, point, active, phase), active
+
+
+def _placed(system: System, start: LimitCycle, active: tuple[int, ...]) -> tuple[Phase, Point]:
+    """``start`` shifted in time so that the held coefficient is zero."""
+    reference = reference_coordinate(system)
+    angle = float(np.angle(to_complex(start.coefficients)[reference, 0]))
+    placed = shifted(start.coefficients, -angle)
+    return (phase_of(active, start.harmonics, reference),
+            Point(placed[list(active)], start.frequency))
+
+
+def _near(coefficients: Real, frequency: float, point: Point, largest: float) -> bool:
+    if abs(point.frequency - frequency) > _LARGEST_WARM_FREQUENCY_CHANGE * frequency and (
+            largest == _LARGEST_WARM_CHANGE):
+        return False
+    before = np.linalg.norm(coefficients, axis=1)
+    after = np.linalg.norm(point.coefficients, axis=1)
+    return bool(np.all(np.abs(after - before) <= largest * before))
+
+
+def _checked(system: System, converged: Convergence, active: tuple[int, ...], warm: bool) -> Result:
+    """The result after the balance of every coordinate, eliminated ones included, was checked."""
+    point = converged.point
+    coefficients = recovered(system, point.coefficients, point.frequency, active)
+    everything = tuple(range(system.dofs))
+    residual = balance(system, coefficients, point.frequency, everything).error
+    if not residual <= _CHECK_TOLERANCE:
+        return _without(Outcome.FAILED, converged.iterations, warm,
+                        f"did not converge: the balance is left with a residual of {residual:.1e}",
+                        residual)
+    cycle = LimitCycle(coefficients, point.frequency, converged.orientation)
+    return Result(Outcome.LIMIT_CYCLE, cycle, converged.iterations, residual, warm,
+                  "limit cycle found")
+
+
+def _failed(converged: Convergence, warm: bool) -> Result:
+    return _without(Outcome.FAILED, converged.iterations, warm,
+                    f"did not converge: {converged.message}", converged.residual)
+
+
+def _without(outcome: Outcome, iterations: int, warm: bool, message: str,
+             residual: float = float("nan")) -> Result:
+    return Result(outcome, None, iterations, residual, warm, message)
+
+
+def _active(*systems: System) -> tuple[int, ...]:
+    return tuple(sorted({dof for system in systems for dof in system.nonlinear_dofs}))
+
+
+def _friction_family(system: System) -> Family:
+    """Systems along a factor of every Coulomb torque."""
+    zero = np.zeros_like(system.mass)
+    rest = tuple(e for e in system.elements if not isinstance(e, Coulomb))
+    friction = tuple(e for e in system.elements if isinstance(e, Coulomb))
+
+    def at(factor: float) -> System:
+        weakened = tuple(replace(e, torque=factor * e.torque) for e in friction)
+        return replace(system, elements=(*weakened, *rest))
+
+    derivative = System(zero, zero, zero, friction)
+    return Family(at, lambda factor: derivative)

@@ -1,0 +1,64 @@
+"""An odd autonomous system M q'' + C q' + K q + elements(q, q') = 0, and families of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .elements import Element
+from .harmonics import Real
+
+
+@dataclass(frozen=True)
+class System:
+    """One system: matrices of shape (n, n) in any consistent units, and non-linear elements.
+
+    The same type holds the derivative of a system by a parameter, since the balance is linear in
+    the matrices and in what an element's strength multiplies.
+
+    Raises ValueError for matrices that do not fit together and elements on missing coordinates.
+    """
+
+    mass: Real
+    damping: Real
+    stiffness: Real
+    elements: tuple[Element, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "damping", "stiffness"):
+            matrix = np.array(getattr(self, name), dtype=np.float64)
+            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+                raise ValueError(f"{name} has shape {matrix.shape}, but must be square")
+            if matrix.shape[0] != len(self.mass):
+                raise ValueError(f"{name} has shape {matrix.shape}, but mass has {len(self.mass)} "
+                                 "rows")
+            matrix.setflags(write=False)
+            object.__setattr__(self, name, matrix)
+        for element in self.elements:
+            if not all(0 <= dof < self.dofs for dof in element.dofs):
+                raise ValueError(f"an element acts on the coordinates {element.dofs}, but must on "
+                                 f"some of 0..{self.dofs - 1}")
+
+    @property
+    def dofs(self) -> int:
+        """The number n of degrees of freedom."""
+        return len(self.mass)
+
+    @property
+    def nonlinear_dofs(self) -> tuple[int, ...]:
+        """The coordinates on which an element acts, ascending."""
+        return tuple(sorted({dof for element in self.elements for dof in element.dofs}))
+
+
+@dataclass(frozen=True)
+class Family:
+    """Systems along one parameter lambda: the system at a value, and its derivative there.
+
+    ``derivative`` returns the matrices' derivatives and elements whose force is the derivative of
+    the force by lambda.
+    """
+
+    system: Callable[[float], System]
+    derivative: Callable[[float], System]
