@@ -1,0 +1,104 @@
+"""The limit cycle at an operating point, warm-started from the point before."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..ihb.solution import LimitCycle, Outcome, Result
+from ..ihb.solve import follow, solve_cold
+from .parameters import (
+    DEFAULT_MINIMUM_VELOCITY,
+    MINIMUM_VELOCITY_RANGE,
+    VELOCITY_RANGE,
+    ParameterError,
+    Range,
+)
+from .system import OperatingPoint, family_between, gear_system
+
+DEFAULT_HARMONICS = 4
+MAXIMUM_HARMONICS = 64
+HARMONICS_RANGE = Range("harmonics", "number of odd harmonics", 1, MAXIMUM_HARMONICS)
+
+NOT_ROLLING = "not_rolling"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The answer for one operating point.
+
+    ``outcome`` is an ihb Outcome's value, or NOT_ROLLING below the minimum velocity, where there
+    is no answer to give.
+    """
+
+    point: OperatingPoint
+    harmonics: int
+    outcome: str
+    limit_cycle: LimitCycle | None
+    iterations: int
+    residual: float
+    warm: bool
+    message: str
+
+    @property
+    def failed(self) -> bool:
+        """Whether the solve did not converge, which is no answer at all."""
+        return self.outcome == Outcome.FAILED.value
+
+
+class Predictor:
+    """Predicts points one after the other; a limit cycle found is the next one's start.
+
+    The answer for a point depends on the points before it only through rounding: where a warm
+    start does not lead to a limit cycle, a cold one decides.
+    """
+
+    def __init__(self, harmonics: int = DEFAULT_HARMONICS,
+                 minimum_velocity: float = DEFAULT_MINIMUM_VELOCITY) -> None:
+        """``minimum_velocity`` in m/s. Raises ParameterError."""
+        self.harmonics = check_harmonics(harmonics)
+        self.minimum_velocity = MINIMUM_VELOCITY_RANGE.check(
+            "minimum_velocity", minimum_velocity)
+        self._last: tuple[OperatingPoint, LimitCycle] | None = None
+
+    def forget(self) -> None:
+        """Start cold at the next point."""
+        self._last = None
+
+    def predict(self, point: OperatingPoint) -> Prediction:
+        """The limit cycle that a growing oscillation reaches at ``point``.
+
+        Raises ParameterError for a velocity outside its range.
+        """
+        VELOCITY_RANGE.check("taxi_velocity", point.velocity)
+        if point.velocity < self.minimum_velocity:
+            self._last = None
+            return Prediction(
+                point, self.harmonics, NOT_ROLLING, None, 0, math.nan, False,
+                f"not rolling: taxi velocity {point.velocity:g} m/s is below the minimum of "
+                f"{self.minimum_velocity:g} m/s, where the rolling law does not hold")
+        result = self._solve(point)
+        self._last = None if result.limit_cycle is None else (point, result.limit_cycle)
+        return Prediction(point, self.harmonics, result.outcome.value, result.limit_cycle,
+                          result.iterations, result.residual, result.warm, result.message)
+
+    def _solve(self, point: OperatingPoint) -> Result:
+        iterations = 0
+        if self._last is not None and self._last[1].harmonics == self.harmonics:
+            previous, cycle = self._last
+            warm = follow(family_between(previous, point), cycle, 0.0, 1.0)
+            if warm.outcome is Outcome.LIMIT_CYCLE:
+                return warm
+            iterations = warm.iterations
+        cold = solve_cold(gear_system(point), self.harmonics)
+        return Result(cold.outcome, cold.limit_cycle, cold.iterations + iterations, cold.residual,
+                      False, cold.message)
+
+
+def check_harmonics(harmonics: int) -> int:
+    """``harmonics`` as an int, or ParameterError."""
+    number = HARMONICS_RANGE.check("harmonics", harmonics)
+    if number != int(number):
+        raise ParameterError(
+            f"harmonics is {number:g}, but must be a whole number in {HARMONICS_RANGE.describe()}")
+    return int(number)

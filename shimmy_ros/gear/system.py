@@ -1,0 +1,89 @@
+"""The gear as an odd autonomous system, eqs. (27)-(32), and families of it between two points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+
+from ..ihb.elements import Coulomb, Element, QuadraticDamping
+from ..ihb.system import Family, System
+from .matrices import DAMPER, SWIVEL, Matrix, damping_matrix, mass_matrix, stiffness_matrix
+from .parameters import Damper, Gear
+
+# The matrices are analytic in every parameter, so that a complex step has no truncation error.
+_COMPLEX_STEP = 1e-100
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """All that a limit cycle depends on: gear, damper, and taxi ``velocity`` V > 0 [m/s]."""
+
+    gear: Gear
+    damper: Damper
+    velocity: float
+
+
+def gear_system(point: OperatingPoint) -> System:
+    """The system at an operating point, coordinates (strut tilt, swivel, damper, tyre lateral).
+
+    SI. An element of no strength is left out.
+    """
+    damper = point.damper
+    return System(
+        mass_matrix(point.gear),
+        damping_matrix(point.gear, damper.linear_damping, point.velocity),
+        stiffness_matrix(point.gear, point.velocity),
+        _elements(damper.coulomb_torque, damper.quadratic_damping,
+                  damper.coulomb_torque > 0.0, damper.quadratic_damping > 0.0))
+
+
+def family_between(start: OperatingPoint, end: OperatingPoint) -> Family:
+    """Systems on the straight line of parameters from ``start`` (0) to ``end`` (1)."""
+    has_coulomb = max(start.damper.coulomb_torque, end.damper.coulomb_torque) > 0.0
+    has_quadratic = max(start.damper.quadratic_damping, end.damper.quadratic_damping) > 0.0
+    first, last = _values(start), _values(end)
+    change = {name: last[name] - first[name] for name in first}
+
+    def at(position: float) -> System:
+        value = {name: first[name] + position * change[name] for name in first}
+        mass, damping, stiffness = _matrices(value)
+        return System(mass, damping, stiffness,
+                      _elements(value["coulomb_torque"], value["quadratic_damping"],
+                                has_coulomb, has_quadratic))
+
+    def derivative(position: float) -> System:
+        mass, damping, stiffness = _matrices({
+            name: first[name] + (position + 1j * _COMPLEX_STEP) * change[name] for name in first})
+        return System(mass.imag / _COMPLEX_STEP, damping.imag / _COMPLEX_STEP,
+                      stiffness.imag / _COMPLEX_STEP,
+                      _elements(change["coulomb_torque"], change["quadratic_damping"],
+                                has_coulomb, has_quadratic))
+
+    return Family(at, derivative)
+
+
+def _values(point: OperatingPoint) -> dict[str, float]:
+    values = {item.name: getattr(point.gear, item.name) for item in fields(Gear)}
+    values |= {item.name: getattr(point.damper, item.name) for item in fields(Damper)}
+    return values | {"velocity": point.velocity}
+
+
+def _matrices(values: dict[str, complex] | dict[str, float]) -> tuple[Matrix, Matrix, Matrix]:
+    gear = cast(Gear, SimpleNamespace(**values))
+    velocity = cast(float, values["velocity"])
+    return (mass_matrix(gear),
+            damping_matrix(gear, cast(float, values["linear_damping"]), velocity),
+            np.asarray(stiffness_matrix(gear, velocity)))
+
+
+def _elements(coulomb_torque: float, quadratic_damping: float,
+              has_coulomb: bool, has_quadratic: bool) -> tuple[Element, ...]:
+    elements: list[Element] = []
+    if has_coulomb:
+        elements.append(Coulomb(SWIVEL, coulomb_torque))
+    if has_quadratic:
+        elements.append(QuadraticDamping(DAMPER, quadratic_damping))
+    return tuple(elements)
