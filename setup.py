@@ -54,10 +54,10 @@ setup(
     # The lower bounds are Ubuntu 24.04's, where it has the package.
     install_requires=[
         "matplotlib>=3.6.3",
-        "mcap>=1.2",
+        "mcap>=1.5",
         "numpy>=1.26.4",
         "PyYAML>=6.0.1",
-        "rosbags>=0.11",
+        "rosbags>=0.11.6",
         "scipy>=1.11.4",
         "tqdm>=4.66.2",
         "zstandard>=0.22",
