@@ -1,36 +1,19 @@
-"""A branch of limit cycles along a parameter, by pseudo-arclength steps."""
+"""A branch of limit cycles along a parameter, with its folds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from .arclength import ContinuationError, Curve, CurvePoint, Evaluation, locate_turn, trace
 from .balance import balance
 from .harmonics import Real
-from .newton import (
-    RESIDUAL_TOLERANCE,
-    STEP_TOLERANCE,
-    Phase,
-    Point,
-    jacobian,
-    moved,
-    scales,
-    unknowns,
-)
+from .newton import Phase, Point, jacobian, moved, scales, unknowns
 from .system import Family
 
-_CORRECTOR_ITERATIONS = 8
-_WANTED_ITERATIONS = 4
-_LARGEST_STEP = 0.2
-_SMALLEST_STEP = 1e-7
-_STEEPEST_TURN = 0.9
-
-
-class ContinuationError(ArithmeticError):
-    """The branch could not be followed any further; the sentence says where and why."""
+__all__ = ["BranchPoint", "ContinuationError", "branch"]
 
 
 @dataclass(frozen=True)
@@ -38,8 +21,8 @@ class BranchPoint:
     """One converged point of a branch.
 
     ``slope`` is the parameter's component of the unit tangent in scaled variables, in the
-    direction of travel: it changes sign at a fold. ``orientation`` is the sign of the determinant
-    at fixed parameter.
+    direction of travel: it changes sign at a fold, and ``is_fold`` marks the point where it is
+    zero. ``orientation`` is the sign of the determinant at fixed parameter.
     """
 
     point: Point
@@ -48,13 +31,7 @@ class BranchPoint:
     orientation: int
     iterations: int
     residual: float
-
-
-class _Extended(NamedTuple):
-    matrix: Real
-    by_parameter: Real
-    residual: Real
-    error: float
+    is_fold: bool = False
 
 
 def branch(
@@ -70,97 +47,48 @@ def branch(
     """Follow the branch through ``start``, beginning towards larger (+1) or smaller (-1) parameter.
 
     Unknowns are scaled by the size of their coordinate, of the frequency, and by
-    ``parameter_scale``, so that a step of 0.1 is a change of ten percent. The step adapts to the
-    effort and to the curvature: a step that would turn sharply, which is how a corrector falls
-    back onto the branch it came from or onto another, is refused and halved. Goes on until the
-    caller stops it. Raises ContinuationError.
+    ``parameter_scale``. Folds are located and yielded as points of their own, and the branch goes
+    on behind them. Goes on until the caller stops it. Raises ContinuationError.
     """
-    step = first_step
-    point, size = start, np.append(scales(start, phase), parameter_scale)
-    tangent: Real | None = None
-    converged = _correct(family, point, parameter, None, size, active, phase)
-    if converged is None:
-        raise ContinuationError(f"the start of the branch at {parameter:g} does not converge")
-    while True:
-        point, parameter, terms, iterations = converged
-        size = np.append(scales(point, phase), parameter_scale)
-        new_tangent = _tangent(terms, size, tangent, direction)
-        tangent = new_tangent
-        orientation = int(np.linalg.slogdet(terms.matrix * size[:-1])[0])
-        yield BranchPoint(point, parameter, float(tangent[-1]), orientation, iterations,
-                          terms.error)
-        if iterations <= _WANTED_ITERATIONS:
-            step = min(_LARGEST_STEP, 1.5 * step)
-        while True:
-            attempt = _attempt(family, point, parameter, tangent, step, size, active, phase)
-            if attempt is not None:
-                converged = attempt
-                break
-            step *= 0.5
-            if step < _SMALLEST_STEP:
-                raise ContinuationError(
-                    f"the branch could not be followed beyond parameter {parameter:g}")
+    curve = _Branch(family, start, parameter_scale, active, phase)
+    before: CurvePoint | None = None
+    for here in trace(curve, np.append(unknowns(start, phase), parameter), direction, first_step):
+        if before is not None and before.slope * here.slope < 0.0:
+            fold = locate_turn(curve, before, here)
+            if fold is not None:
+                yield curve.branch_point(fold, True)
+        yield curve.branch_point(here, False)
+        before = here
 
 
-def _attempt(family: Family, point: Point, parameter: float, tangent: Real, step: float,
-             size: Real, active: tuple[int, ...], phase: Phase
-             ) -> tuple[Point, float, _Extended, int] | None:
-    predicted = moved(point, phase, unknowns(point, phase) + step * (size * tangent)[:-1])
-    corrected = _correct(family, predicted, parameter + step * size[-1] * tangent[-1], tangent,
-                         size, active, phase)
-    if corrected is None:
-        return None
-    new_point, new_parameter, terms, _ = corrected
-    new_size = np.append(scales(new_point, phase), size[-1])
-    new_tangent = _tangent(terms, new_size, tangent, 0)
-    chord = np.append(unknowns(new_point, phase) - unknowns(point, phase),
-                      new_parameter - parameter) / size
-    length = float(np.linalg.norm(chord))
-    straight = min(float(new_tangent @ tangent), float(chord @ tangent) / length)
-    if straight < _STEEPEST_TURN or length > 2.0 * step:
-        return None
-    return corrected
+class _Branch(Curve):
+    """The balance along a family: unknowns, then the parameter."""
 
+    def __init__(self, family: Family, start: Point, parameter_scale: float,
+                 active: tuple[int, ...], phase: Phase) -> None:
+        self._family = family
+        self._start = start
+        self._parameter_scale = parameter_scale
+        self._active = active
+        self._phase = phase
 
-def _correct(family: Family, point: Point, parameter: float, tangent: Real | None, size: Real,
-             active: tuple[int, ...], phase: Phase
-             ) -> tuple[Point, float, _Extended, int] | None:
-    """Newton's method in the plane normal to ``tangent``; without one at fixed parameter."""
-    normal = np.zeros(size.size) if tangent is None else tangent
-    if tangent is None:
-        normal[-1] = 1.0
-    previous = np.inf
-    for iteration in range(1, _CORRECTOR_ITERATIONS + 1):
+    def evaluate(self, y: Real) -> Evaluation:
+        point, parameter = moved(self._start, self._phase, y[:-1]), float(y[-1])
         if point.frequency <= 0.0:
-            return None
-        terms = _extended(family, point, parameter, active, phase)
-        matrix = np.vstack([np.column_stack([terms.matrix, terms.by_parameter]) * size, normal])
-        try:
-            change = np.linalg.solve(matrix, np.append(-terms.residual, 0.0))
-        except np.linalg.LinAlgError:
-            return None
-        length = float(np.linalg.norm(change))
-        if terms.error <= RESIDUAL_TOLERANCE and length <= STEP_TOLERANCE:
-            return point, parameter, terms, iteration
-        if not length < max(1.0, 2.0 * previous):
-            return None
-        previous = length
-        point = moved(point, phase, unknowns(point, phase) + (size * change)[:-1])
-        parameter += float(size[-1] * change[-1])
-    return None
+            raise ValueError("the frequency left the positive numbers")
+        terms = balance(self._family.system(parameter), point.coefficients, point.frequency,
+                        self._active, self._family.derivative(parameter))
+        assert terms.by_parameter is not None
+        return Evaluation(
+            terms.residual,
+            np.column_stack([jacobian(terms, self._phase), terms.by_parameter]), terms.error)
 
+    def sizes(self, y: Real) -> Real:
+        point = moved(self._start, self._phase, y[:-1])
+        return np.append(scales(point, self._phase), self._parameter_scale)
 
-def _extended(family: Family, point: Point, parameter: float, active: tuple[int, ...],
-              phase: Phase) -> _Extended:
-    terms = balance(family.system(parameter), point.coefficients, point.frequency, active,
-                    family.derivative(parameter))
-    assert terms.by_parameter is not None
-    return _Extended(jacobian(terms, phase), terms.by_parameter, terms.residual, terms.error)
-
-
-def _tangent(terms: _Extended, size: Real, old: Real | None, direction: int) -> Real:
-    """The unit null vector of the scaled extended Jacobian, along ``old`` or ``direction``."""
-    matrix = np.column_stack([terms.matrix, terms.by_parameter]) * size
-    null = np.linalg.svd(matrix)[2][-1]
-    sign = null[-1] * direction if old is None else float(null @ old)
-    return np.asarray(null if sign >= 0.0 else -null)
+    def branch_point(self, here: CurvePoint, is_fold: bool) -> BranchPoint:
+        matrix = here.evaluation.jacobian[:, :-1] * here.size[:-1]
+        return BranchPoint(
+            moved(self._start, self._phase, here.y[:-1]), float(here.y[-1]), here.slope,
+            int(np.linalg.slogdet(matrix)[0]), here.iterations, here.evaluation.error, is_fold)
