@@ -53,8 +53,10 @@ setup(
     zip_safe=False,
     # The lower bounds are Ubuntu 24.04's, where it has the package.
     install_requires=[
+        "lz4>=4.0.2",
         "matplotlib>=3.6.3",
         "mcap>=1.5",
+        "numba>=0.59",
         "numpy>=1.26.4",
         "PyYAML>=6.0.1",
         "rosbags>=0.11.6",
@@ -66,13 +68,18 @@ setup(
         # The unversioned `ros-rclpy` is a later distribution's.
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         # `colcon test` looks for pytest here. ROS 2 Jazzy's own pytest plugins need pytest < 9.
+        # The other upper bounds keep new lint rules, new type stubs and new deprecation warnings,
+        # which are errors, from failing a tree that has not changed.
         "test": [
             "hypothesis>=6.98",
             "jsonschema>=4.10",
+            "matplotlib<3.12",
             "mcap-ros2-support>=0.5",
-            "mypy>=1.9",
+            "mypy>=2.4,<2.5",
+            "numpy<2.6",
             "pytest>=7.4,<9",
-            "ruff>=0.9",
+            "ruff>=0.17,<0.18",
+            "scipy<1.19",
             "scipy-stubs",
             "setuptools",
             "types-PyYAML",
