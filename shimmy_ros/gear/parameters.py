@@ -16,32 +16,32 @@ class ParameterError(ValueError):
 
 @dataclass(frozen=True)
 class Range:
-    """The allowed values of one parameter, its SI unit and what it means.
-
-    ``low_open`` excludes the lower bound itself (a mass has to be positive, not merely
-    non-negative).
-    """
+    """The allowed values of one parameter, both bounds included, its SI unit and its meaning."""
 
     unit: str
     meaning: str
     low: float
     high: float
-    low_open: bool = False
 
     def describe(self) -> str:
         """The allowed range in words, with the unit."""
-        bracket = "(" if self.low_open else "["
-        return f"{bracket}{self.low:g}, {self.high:g}] {self.unit}"
+        return f"[{self.low:g}, {self.high:g}] {self.unit}"
 
     def check(self, name: str, value: object) -> float:
         """Return ``value`` as a float, or raise ParameterError that names field, value, range."""
         if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
             raise ParameterError(f"{name} is {value!r}, but must be a number in {self.describe()}")
-        number = float(value)
-        above_low = number > self.low if self.low_open else number >= self.low
-        if not (math.isfinite(number) and above_low and number <= self.high):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf if value > 0 else -math.inf
+        if not (math.isfinite(number) and self.low <= number <= self.high):
             raise ParameterError(f"{name} is {number:g}, but must be in {self.describe()}")
         return number
+
+
+# Of what has to be positive. Quotients of far smaller numbers leave floating-point range.
+SMALLEST_POSITIVE = 1e-6
 
 
 def _parameter(range_: Range) -> Any:
@@ -49,7 +49,7 @@ def _parameter(range_: Range) -> Any:
 
 
 def _positive(unit: str, meaning: str, high: float) -> Any:
-    return _parameter(Range(unit, meaning, 0.0, high, low_open=True))
+    return _parameter(Range(unit, meaning, SMALLEST_POSITIVE, high))
 
 
 def _non_negative(unit: str, meaning: str, high: float) -> Any:
@@ -84,8 +84,8 @@ class Gear:
     def __post_init__(self) -> None:
         _check_fields(self, "gear")
         coupling = self.wheel_mass * self.trunnion_to_axle * self.trail
-        limit = math.sqrt(self.strut_inertia * self.swivel_inertia)
-        if abs(coupling) >= limit:
+        if coupling * coupling >= self.strut_inertia * self.swivel_inertia:
+            limit = math.sqrt(self.strut_inertia * self.swivel_inertia)
             raise ParameterError(
                 f"gear.wheel_mass * gear.trunnion_to_axle * gear.trail is {coupling:g} kg m^2, but "
                 "the mass matrix is positive definite only if its magnitude is below "
