@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def resource_directory(name: str) -> Path:
-    """The directory ``name`` (``config``, ``msgs_spec`` or ``launch``) that belongs to this package.
+    """The directory ``name`` (config, msgs_spec or launch) that belongs to this package.
 
     Looks upward from this file for the source tree (the folder with package.xml) or an
     installation prefix (the one with share/shimmy_ros). Raises FileNotFoundError.

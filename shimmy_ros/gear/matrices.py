@@ -10,6 +10,7 @@ gear. Row four is the rolling law and not a balance of forces, so K is not symme
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,29 +58,57 @@ def mass_matrix(gear: Gear) -> Matrix:
 
 def damping_matrix(gear: Gear, linear_damping: float, velocity: float) -> Matrix:
     """C(V), shape (4, 4), SI, for a ``linear_damping`` C_t [N m s/rad] and V > 0 [m/s]."""
-    place = geometry(gear)
-    gyroscopic = gear.wheel_polar_inertia * velocity / gear.wheel_radius
-    torsional = gear.tyre_torsional_stiffness / velocity
-    return np.array([
-        [0.0, gyroscopic, 0.0, -torsional * place.sine],
-        [-gyroscopic, 0.0, 0.0, torsional * place.cosine],
-        [0.0, 0.0, linear_damping, 0.0],
-        [0.0, 0.0, 0.0, gear.rolling_beta * velocity],
-    ])
+    parts = velocity_parts(gear)
+    damping = velocity * parts.rolling_damping + parts.torsional_damping / velocity
+    damping[DAMPER, DAMPER] += linear_damping
+    return damping
 
 
 def stiffness_matrix(gear: Gear, velocity: float) -> Matrix:
     """K(V), shape (4, 4), SI, for V > 0 [m/s]."""
+    parts = velocity_parts(gear)
+    return parts.stiffness + velocity**2 * parts.rolling_stiffness
+
+
+class VelocityParts(NamedTuple):
+    """What the matrices are made of, each of shape (4, 4), SI.
+
+    C(V) = V ``rolling_damping`` + ``torsional_damping`` / V, without the damper's, and
+    K(V) = ``stiffness`` + V^2 ``rolling_stiffness``.
+    """
+
+    mass: Matrix
+    rolling_damping: Matrix
+    torsional_damping: Matrix
+    stiffness: Matrix
+    rolling_stiffness: Matrix
+
+
+def velocity_parts(gear: Gear) -> VelocityParts:
+    """The parts of the gear's matrices that do not depend on the velocity."""
     place = geometry(gear)
+    gyroscopic = gear.wheel_polar_inertia / gear.wheel_radius
+    torsion = gear.tyre_torsional_stiffness
     deflection = np.array([-place.height, -place.ground_trail, 0.0, 1.0])
     heading = np.array([-place.sine, place.cosine, 0.0, 0.0])
     tilt = np.array([place.cosine, place.sine, 0.0, 0.0])
     tyre = (gear.tyre_lateral_stiffness * np.outer(deflection, deflection)
-            + gear.tyre_torsional_stiffness * np.outer(heading, heading))
-    rolling = velocity**2 * (gear.rolling_alpha * deflection + gear.rolling_beta * heading
-                             + gear.rolling_gamma * tilt)
+            + torsion * np.outer(heading, heading))
+    rolling = (gear.rolling_alpha * deflection + gear.rolling_beta * heading
+               + gear.rolling_gamma * tilt)
+    nothing = np.zeros((1, 4))
     structure = np.pad(structural_stiffness(gear), ((0, 0), (0, 1)))
-    return np.vstack([structure + tyre[:TYRE_LATERAL], rolling])
+    return VelocityParts(
+        mass_matrix(gear),
+        np.array([
+            [0.0, gyroscopic, 0.0, 0.0],
+            [-gyroscopic, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, gear.rolling_beta],
+        ]),
+        np.vstack([np.pad(torsion * heading[:3, None], ((0, 0), (3, 0))), nothing]),
+        np.vstack([structure + tyre[:TYRE_LATERAL], nothing]),
+        np.vstack([np.zeros((3, 4)), rolling]))
 
 
 def structural_stiffness(gear: Gear) -> Matrix:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..ihb.solution import LimitCycle, Outcome, Result
-from ..ihb.solve import follow, solve_cold
+from ..ihb.solve import follow_in_steps, solve_cold, solve_warm
 from .parameters import (
     DEFAULT_MINIMUM_VELOCITY,
     MINIMUM_VELOCITY_RANGE,
@@ -84,15 +84,18 @@ class Predictor:
 
     def _solve(self, point: OperatingPoint) -> Result:
         iterations = 0
+        system = gear_system(point)
         if self._last is not None and self._last[1].harmonics == self.harmonics:
             previous, cycle = self._last
-            warm = follow(family_between(previous, point), cycle, 0.0, 1.0)
-            if warm.outcome is Outcome.LIMIT_CYCLE:
-                return warm
+            warm = solve_warm(system, cycle)
             iterations = warm.iterations
-        cold = solve_cold(gear_system(point), self.harmonics)
-        return Result(cold.outcome, cold.limit_cycle, cold.iterations + iterations, cold.residual,
-                      False, cold.message)
+            if warm.limit_cycle is None and previous != point:
+                warm = follow_in_steps(family_between(previous, point), cycle, 0.0, 1.0)
+                iterations += warm.iterations
+            if warm.limit_cycle is not None:
+                return replace(warm, iterations=iterations)
+        cold = solve_cold(system, self.harmonics)
+        return replace(cold, iterations=cold.iterations + iterations)
 
 
 def check_harmonics(harmonics: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import cast
 
@@ -10,7 +11,15 @@ import numpy as np
 
 from ..ihb.elements import Coulomb, Element, QuadraticDamping
 from ..ihb.system import Family, System
-from .matrices import DAMPER, SWIVEL, Matrix, damping_matrix, mass_matrix, stiffness_matrix
+from .matrices import (
+    DAMPER,
+    SWIVEL,
+    Matrix,
+    damping_matrix,
+    mass_matrix,
+    stiffness_matrix,
+    velocity_parts,
+)
 from .parameters import Damper, Gear
 
 # The matrices are analytic in every parameter, so that a complex step has no truncation error.
@@ -31,11 +40,12 @@ def gear_system(point: OperatingPoint) -> System:
 
     SI. An element of no strength is left out.
     """
-    damper = point.damper
+    damper, velocity = point.damper, point.velocity
+    parts = _velocity_parts(point.gear)
+    damping = velocity * parts.rolling_damping + parts.torsional_damping / velocity
+    damping[DAMPER, DAMPER] += damper.linear_damping
     return System(
-        mass_matrix(point.gear),
-        damping_matrix(point.gear, damper.linear_damping, point.velocity),
-        stiffness_matrix(point.gear, point.velocity),
+        parts.mass, damping, parts.stiffness + velocity**2 * parts.rolling_stiffness,
         _elements(damper.coulomb_torque, damper.quadratic_damping,
                   damper.coulomb_torque > 0.0, damper.quadratic_damping > 0.0))
 
@@ -63,6 +73,10 @@ def family_between(start: OperatingPoint, end: OperatingPoint) -> Family:
                                 has_coulomb, has_quadratic))
 
     return Family(at, derivative)
+
+
+# The matrices of a gear in use are asked for at every velocity.
+_velocity_parts = lru_cache(maxsize=16)(velocity_parts)
 
 
 def _values(point: OperatingPoint) -> dict[str, float]:

@@ -60,7 +60,7 @@ def estimate_error(system: System, cycle: LimitCycle) -> ErrorEstimate:
 
 def solve_to_accuracy(system: System, accuracy: float, start: LimitCycle | None = None,
                       largest: int = MAXIMUM_HARMONICS) -> tuple[Result, ErrorEstimate | None]:
-    """The limit cycle with the estimated relative error of amplitudes and frequency below ``accuracy``.
+    """The limit cycle whose estimated relative errors are all below ``accuracy``.
 
     Harmonics are doubled, from those of ``start`` or from four, until the estimate is met; a
     result that does not meet it with ``largest`` of them comes with the estimate that it has.

@@ -8,11 +8,14 @@ are the ``active`` coordinates. With every coordinate active it is the paper's s
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from .harmonics import Complex, Real, orders, to_complex, to_real
+from . import loops
+from .elements import Element
+from .loops import Index, Real
 from .system import System
 
 
@@ -31,43 +34,29 @@ class Balance(NamedTuple):
     error: float
 
 
-class Condensed(NamedTuple):
-    """Dynamic stiffness (N, m, m) of the active coordinates, and what gives the others.
+class Packed(NamedTuple):
+    """A system as ``loops`` takes it: matrices, the coordinates kept and dropped, and for the
+    Coulomb and quadratic elements their positions among the kept ones and their strengths."""
 
-    ``recover`` has shape (N, n, m): x of all coordinates from x of the active ones;
-    ``recover_left`` (N, m, n) is its counterpart for the rows.
-    """
-
-    stiffness: Complex
-    recover: Complex
-    recover_left: Complex
-
-
-def dynamic_stiffness(system: System, frequency: float, harmonics: int) -> Complex:
-    """Z, shape (N, n, n), at ``frequency`` omega [rad/s]."""
-    rate = 1j * frequency * orders(harmonics)[:, None, None]
-    return np.asarray(rate**2 * system.mass + rate * system.damping + system.stiffness)
+    mass: Real
+    damping: Real
+    stiffness: Real
+    kept: Index
+    dropped: Index
+    coulomb: Index
+    torques: Real
+    quadratic: Index
+    coefficients: Real
 
 
-def condense(
-    system: System, frequency: float, harmonics: int, active: tuple[int, ...]
-) -> Condensed:
-    """Eliminate every coordinate but the ``active`` ones.
-
-    Raises numpy.linalg.LinAlgError where the others alone resonate undamped at a harmonic.
-    """
-    full = dynamic_stiffness(system, frequency, harmonics)
-    kept = list(active)
-    dropped = [dof for dof in range(system.dofs) if dof not in active]
-    recover = np.zeros((harmonics, system.dofs, len(kept)), dtype=np.complex128)
-    recover_left = np.zeros((harmonics, len(kept), system.dofs), dtype=np.complex128)
-    recover[:, kept, range(len(kept))] = 1.0
-    recover_left[:, range(len(kept)), kept] = 1.0
-    if dropped:
-        inner = np.linalg.inv(full[:, dropped][:, :, dropped])
-        recover[:, dropped] = -inner @ full[:, dropped][:, :, kept]
-        recover_left[:, :, dropped] = -full[:, kept][:, :, dropped] @ inner
-    return Condensed(full[:, kept] @ recover, recover, recover_left)
+def packed(system: System, active: tuple[int, ...]) -> Packed:
+    """``system`` with all coordinates but the ``active`` ones to be eliminated."""
+    forms = system.closed_forms
+    kept, dropped = _split(system.dofs, active)
+    return Packed(
+        system.mass, system.damping, system.stiffness, kept, dropped,
+        _positions(active, forms.coulomb), forms.torques,
+        _positions(active, forms.quadratic), forms.coefficients)
 
 
 def balance(
@@ -80,58 +69,57 @@ def balance(
     """The balance at ``coefficients`` (m, 2N) of the active coordinates and ``frequency`` [rad/s].
 
     ``derivative``, the derivative of the system by a parameter, adds ``by_parameter``, eq. (5)'s
-    P with that of the matrices. Raises as condense, and ValueError for a Coulomb element at rest.
+    P with that of the matrices. Where a Coulomb element is at rest, or the eliminated coordinates
+    resonate undamped, the residual is NaN and the error infinite.
     """
-    count, width = coefficients.shape
-    harmonics = width // 2
-    condensed = condense(system, frequency, harmonics, active)
-    x = to_complex(coefficients)
-    order = orders(harmonics)[:, None, None]
-    turning = -2.0 * order**2 * frequency * system.mass + 1j * order * system.damping
-    by_frequency = _apply(condensed.recover_left @ turning @ condensed.recover, x)
-    residual = _apply(condensed.stiffness, x)
-    terms = np.linalg.norm(
-        np.einsum("kij,jk->ik", np.abs(condensed.stiffness), np.abs(x)), axis=1)
-    jacobian = np.zeros((count, width, count, width))
-    index = np.arange(harmonics)
-    jacobian[:, index, :, index] = condensed.stiffness.real
-    jacobian[:, index, :, index + harmonics] = condensed.stiffness.imag
-    jacobian[:, index + harmonics, :, index] = -condensed.stiffness.imag
-    jacobian[:, index + harmonics, :, index + harmonics] = condensed.stiffness.real
-    for element in system.elements:
-        place = [active.index(dof) for dof in element.dofs]
-        force = element.balance(coefficients[place], frequency)
-        residual[place] += force.force
-        by_frequency[place] += force.by_frequency
-        jacobian[np.ix_(place, range(width), place, range(width))] += force.by_coefficients
-        terms[place] += np.linalg.norm(force.force, axis=1)
-    by_parameter = None
+    point = np.ascontiguousarray(coefficients)
+    count, width = point.shape
+    parts = packed(system, active)
+    residual, by_frequency = np.empty((count, width)), np.empty((count, width))
+    jacobian = np.empty((count, width, count, width))
+    terms = np.empty(count)
+    loops.assemble(*parts, point, frequency, residual, jacobian, by_frequency, terms)
+    for element in system.general_elements:
+        add_general(element, active, point, frequency, residual, jacobian, by_frequency, terms)
+    by_parameter: Real | None = None
     if derivative is not None:
-        by_parameter = _by_parameter(derivative, condensed, coefficients, frequency, active)
-    terms = np.maximum(terms, np.finfo(np.float64).tiny)
-    error = float(np.max(np.linalg.norm(residual, axis=1) / terms))
+        by_parameter = np.zeros((count, width))
+        loops.parameter_force(
+            *parts[:5], derivative.mass, derivative.damping, derivative.stiffness, point,
+            frequency, by_parameter)
+        for element in derivative.elements:
+            place = [active.index(dof) for dof in element.dofs]
+            by_parameter[place] += element.balance(point[place], frequency).force
+        by_parameter = by_parameter.ravel()
     return Balance(residual.ravel(), jacobian.reshape(count * width, count * width),
-                   by_frequency.ravel(), by_parameter, error)
+                   by_frequency.ravel(), by_parameter, loops.relative_error(residual, terms))
+
+
+def add_general(element: Element, active: tuple[int, ...], point: Real, frequency: float,
+                residual: Real, jacobian: Real, by_frequency: Real, terms: Real) -> None:
+    """Add an element without a closed form to what loops.assemble fills."""
+    place = [active.index(dof) for dof in element.dofs]
+    width = range(point.shape[1])
+    force = element.balance(point[place], frequency)
+    residual[place] += force.force
+    by_frequency[place] += force.by_frequency
+    jacobian[np.ix_(place, width, place, width)] += force.by_coefficients
+    terms[place] += np.linalg.norm(force.force, axis=1)
 
 
 def recovered(
     system: System, coefficients: Real, frequency: float, active: tuple[int, ...]
 ) -> Real:
     """Coefficients (n, 2N) of all coordinates from those (m, 2N) of the active ones."""
-    condensed = condense(system, frequency, coefficients.shape[1] // 2, active)
-    return to_real(np.einsum("kij,jk->ik", condensed.recover, to_complex(coefficients)))
+    return loops.recover(*packed(system, active)[:5], np.ascontiguousarray(coefficients), frequency)
 
 
-def _by_parameter(derivative: System, condensed: Condensed, coefficients: Real, frequency: float,
-                  active: tuple[int, ...]) -> Real:
-    x = to_complex(coefficients)
-    changing = dynamic_stiffness(derivative, frequency, x.shape[1])
-    result = _apply(condensed.recover_left @ changing @ condensed.recover, x)
-    for element in derivative.elements:
-        place = [active.index(dof) for dof in element.dofs]
-        result[place] += element.balance(coefficients[place], frequency).force
-    return np.asarray(result.ravel())
+@lru_cache(maxsize=256)
+def _split(dofs: int, active: tuple[int, ...]) -> tuple[Index, Index]:
+    dropped = [dof for dof in range(dofs) if dof not in active]
+    return np.array(active, dtype=np.int64), np.array(dropped, dtype=np.int64)
 
 
-def _apply(stiffness: Complex, x: Complex) -> Real:
-    return to_real(np.einsum("kij,jk->ik", stiffness, x))
+@lru_cache(maxsize=256)
+def _positions(active: tuple[int, ...], dofs: tuple[int, ...]) -> Index:
+    return np.array([active.index(dof) for dof in dofs], dtype=np.int64)

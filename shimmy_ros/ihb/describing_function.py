@@ -39,6 +39,17 @@ class FirstHarmonic(NamedTuple):
     frequency: float
 
 
+class Growth(NamedTuple):
+    """The ``cycles`` in which growth stops; ``undecided`` if a growing mode was not followed."""
+
+    cycles: list[FirstHarmonic]
+    undecided: bool
+
+
+class LostModeError(ArithmeticError):
+    """A mode could not be followed from one amplitude to the next."""
+
+
 def with_coulomb_factor(system: System, factor: float) -> System:
     """The same system with every Coulomb element's torque multiplied by ``factor``."""
     elements = tuple(
@@ -59,7 +70,7 @@ def reference_coordinate(system: System) -> int:
 
 
 def linear_modes(system: System) -> list[Mode]:
-    """The oscillating modes of M q'' + C q' + K q = 0, the fastest growing first."""
+    """The modes of M q'' + C q' + K q = 0, one of each pair, the fastest growing first."""
     count = system.dofs
     state = np.block([
         [np.zeros((count, count)), np.eye(count)],
@@ -68,39 +79,45 @@ def linear_modes(system: System) -> list[Mode]:
     ])
     rates, vectors = np.linalg.eig(state)
     found = [Mode(vectors[:count, i], complex(rates[i]))
-             for i in np.argsort(-rates.real) if rates[i].imag > 0.0]
+             for i in np.argsort(-rates.real) if rates[i].imag >= 0.0]
     return found
 
 
-def growing_cycles(system: System, coulomb_factor: float = 1.0) -> list[FirstHarmonic]:
+def growing_cycles(system: System, coulomb_factor: float = 1.0) -> Growth:
     """Cycles at which an oscillation that grows from rest with friction released comes to a stop.
 
     One per growing mode at most, that of the fastest growing mode first. Coulomb torques are
     multiplied by ``coulomb_factor``. Coulomb and velocity-squared elements only take energy; with
     a general element a mode that decays at small amplitude may grow at a larger one, and is
-    looked at as well.
+    looked at as well. A mode that grows without oscillating cannot be followed.
     """
-    found = []
+    cycles, undecided = [], False
     dissipative = all(isinstance(e, (Coulomb, QuadraticDamping)) for e in system.elements)
-    for mode in linear_modes(with_coulomb_factor(system, 0.0)):
+    modes = linear_modes(with_coulomb_factor(system, 0.0))
+    rounding = _TOLERANCE * max(abs(mode.rate) for mode in modes)
+    for mode in modes:
+        if mode.rate.imag <= rounding:
+            undecided = undecided or mode.rate.real > rounding
+            continue
         if dissipative and mode.rate.real <= 0.0:
             continue
-        cycle = _stop_of_growth(system, mode, coulomb_factor)
+        try:
+            cycle = _stop_of_growth(system, mode, coulomb_factor)
+        except LostModeError:
+            undecided = True
+            continue
         if cycle is not None:
-            found.append(cycle)
-    return found
+            cycles.append(cycle)
+    return Growth(cycles, undecided)
 
 
 def _stop_of_growth(system: System, mode: Mode, factor: float) -> FirstHarmonic | None:
     reference = reference_coordinate(system)
     free = with_coulomb_factor(system, 0.0)
     if mode.shape[reference] == 0.0:
-        return None
+        raise LostModeError("the mode does not move the coordinate that describes a cycle")
     unit = Mode(mode.shape / mode.shape[reference], mode.rate)
-    start = _small_amplitude(free, unit, reference)
-    if start is None:
-        return None
-    amplitude, at_start = start
+    amplitude, at_start = _small_amplitude(free, unit, reference)
     top = _scan(free, at_start, reference, amplitude, _LARGEST_AMPLITUDE_RATIO * amplitude,
                 falling=True)
     if top is None:
@@ -108,8 +125,6 @@ def _stop_of_growth(system: System, mode: Mode, factor: float) -> FirstHarmonic 
     if factor == 0.0 or free is system:
         return _at_amplitude(*top)
     with_friction = _turn_on_friction(system, top[1], reference, top[0], factor)
-    if with_friction is None:
-        return None
     sliding = with_coulomb_factor(system, factor)
     if with_friction.rate.real > 0.0:
         end = _scan(sliding, with_friction, reference, top[0],
@@ -120,22 +135,25 @@ def _stop_of_growth(system: System, mode: Mode, factor: float) -> FirstHarmonic 
     return None if end is None else _at_amplitude(*end)
 
 
-def _small_amplitude(system: System, mode: Mode, reference: int) -> tuple[float, Mode] | None:
+def _small_amplitude(system: System, mode: Mode, reference: int) -> tuple[float, Mode]:
     """An amplitude so small that the elements, friction released, hardly change the mode."""
     amplitude = 1.0
     for _ in range(60):
         near = _mode_at(system, amplitude, mode, reference)
-        if near is not None and abs(near.rate - mode.rate) < _SMALL_CHANGE * abs(mode.rate):
+        if near is not None and (
+                abs(near.rate - mode.rate) < _SMALL_CHANGE * abs(mode.rate)
+                and (near.rate.real > 0.0) == (mode.rate.real > 0.0)):
             return amplitude, near
         amplitude /= 4.0
-    return None
+    raise LostModeError("no amplitude is small enough for the elements not to change the mode")
 
 
 def _scan(system: System, mode: Mode, reference: int, start: float, end: float, falling: bool
           ) -> tuple[float, Mode] | None:
     """Follow ``mode`` from amplitude ``start`` to ``end`` until its growth rate changes sign.
 
-    ``falling`` looks for a change from growth to decay, otherwise from decay to growth.
+    ``falling`` looks for a change from growth to decay, otherwise from decay to growth. None where
+    there is no change; raises LostModeError.
     """
     direction = 1.0 if end > start else -1.0
     amplitude, ratio = start, _STEP_RATIO
@@ -150,7 +168,7 @@ def _scan(system: System, mode: Mode, reference: int, start: float, end: float, 
         new = _mode_at(system, following, mode, reference)
         if new is None or abs(new.rate - mode.rate) > 0.5 * abs(mode.rate):
             if ratio <= _SMALLEST_STEP_RATIO:
-                return None
+                raise LostModeError(f"the mode is lost beyond an amplitude of {amplitude:g}")
             ratio = ratio**0.5
             continue
         if (new.rate.real <= 0.0) if falling else (new.rate.real > 0.0):
@@ -165,7 +183,7 @@ def _scan(system: System, mode: Mode, reference: int, start: float, end: float, 
 
 
 def _turn_on_friction(system: System, mode: Mode, reference: int, amplitude: float, factor: float
-                      ) -> Mode | None:
+                      ) -> Mode:
     reached, step = 0.0, 1.0
     while reached < 1.0:
         part = min(1.0, reached + step)
@@ -173,7 +191,7 @@ def _turn_on_friction(system: System, mode: Mode, reference: int, amplitude: flo
         if new is None or abs(new.rate - mode.rate) > 0.5 * abs(mode.rate):
             step *= 0.5
             if step < 1e-3:
-                return None
+                raise LostModeError("the mode is lost as friction comes in")
             continue
         reached, mode = part, new
     return mode

@@ -87,7 +87,8 @@ class _Folds(Curve):
                         self._plane.by_first(first, second))
         other = balance(system, point.coefficients, point.frequency, self._active,
                         self._plane.by_second(first, second))
-        assert terms.by_parameter is not None and other.by_parameter is not None
+        assert terms.by_parameter is not None
+        assert other.by_parameter is not None
         size = self._unknown_sizes(y)
         matrix = jacobian(terms, self._phase)
         scale = float(np.linalg.norm(matrix * size))

@@ -11,14 +11,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from . import loops
+from .loops import Complex, Real
 
-# The error of a sum relative to that of its terms' slopes, rounding of the angle included.
-_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
-_MAXIMUM_BISECTIONS = 48
+__all__ = ["Complex", "Real", "evaluate", "orders", "peaks", "shifted", "to_complex", "to_real",
+           "velocity_zeros", "with_harmonics", "zeros"]
 
 
 @lru_cache(maxsize=128)
@@ -72,58 +70,19 @@ def velocity_zeros(coefficients: Real) -> Real:
     ``coefficients`` has shape (2N,). Exact in the sense that no zero can be missed: an interval
     is passed over only where a bound on the curvature excludes a zero, and taken to hold one only
     where the same bound shows the function to be monotone. Zeros between which the sum does not
-    rise above its rounding error merge: two drop out together, three are one. Raises ValueError for a sum that is zero or not finite.
+    rise above its rounding error merge: two drop out together, three are one. Raises ValueError
+    for a sum that is zero or not finite.
     """
     return zeros(1j * orders(coefficients.shape[-1] // 2) * to_complex(coefficients))
 
 
 def zeros(x: Complex) -> Real:
     """Every zero in [0, pi) of u = Re sum_k x_k e^{i(2k-1) tau}, ascending; as velocity_zeros."""
-    harmonics = x.shape[0]
-    order = orders(harmonics)
-    bound = float(order**2 @ np.abs(x))
+    bound = float(orders(x.shape[0]) ** 2 @ np.abs(x))
     if not 0.0 < bound < np.inf:
         raise ValueError("the zeros of a sum that vanishes or is not finite are not defined")
-    grid, waves = _grid(harmonics)
-    values = (x @ waves).real
-    slopes = ((1j * order * x) @ waves).real
-    # Signs are sign bits: a value of exactly zero has one too, and it is the opposite one at the
-    # last point, which is the first half a period on, so that such a zero counts once.
-    values[-1] = -values[0]
-    low, high = grid[:-1], grid[1:]
-    at_low, at_high, slope_low, slope_high = values[:-1], values[1:], slopes[:-1], slopes[1:]
-    width = float(grid[1] - grid[0])
-    # In a narrower interval than this the bound on the curvature is below the rounding error.
-    narrowest = np.sqrt(8.0 * _ROUNDING * float(order @ np.abs(x)) / bound)
-    found: list[Real] = []
-    while True:
-        change = np.signbit(at_low) != np.signbit(at_high)
-        nearest = np.minimum(np.abs(at_low), np.abs(at_high))
-        excluded = ~change & (nearest > bound * width**2 / 8.0)
-        same_slope = (slope_low < 0.0) == (slope_high < 0.0)
-        steepness = np.minimum(np.abs(slope_low), np.abs(slope_high))
-        monotone = same_slope & (steepness > bound * width / 2.0)
-        single = monotone & change
-        if single.any():
-            found.append(_polish(x, order, low[single], high[single],
-                                 at_low[single], at_high[single]))
-        open_ = ~(excluded | monotone)
-        low, high, at_low, at_high, slope_low, slope_high = (
-            part[open_] for part in (low, high, at_low, at_high, slope_low, slope_high))
-        if width <= narrowest or not low.size:
-            break
-        middle = 0.5 * (low + high)
-        wave = np.exp(1j * np.multiply.outer(order, middle))
-        at_middle = (x @ wave).real
-        slope_middle = ((1j * order * x) @ wave).real
-        low, high = np.append(low, middle), np.append(middle, high)
-        at_low, at_high = np.append(at_low, at_middle), np.append(at_middle, at_high)
-        slope_low = np.append(slope_low, slope_middle)
-        slope_high = np.append(slope_middle, slope_high)
-        width *= 0.5
-    if low.size:
-        found.append(_merged(low, high, at_low, at_high))
-    result = np.concatenate(found) % np.pi
+    found = np.empty(2 * x.shape[0] + 2)
+    result = found[:loops.zeros(x, found)] % np.pi
     # The remainder of a tiny negative number rounds up to pi itself.
     return np.sort(np.where(result < np.pi, result, 0.0))
 
@@ -135,50 +94,3 @@ def peaks(coefficients: Real) -> Real:
         np.max(np.abs(evaluate(row, velocity_zeros(row)))) if np.any(row) else 0.0 for row in flat
     ])
     return largest.reshape(coefficients.shape[:-1])
-
-
-def _merged(low: Real, high: Real, at_low: Real, at_high: Real) -> Real:
-    """The middle of each run of adjoining intervals over which the sign changes.
-
-    Inside a run u is zero but for rounding: a double zero is none, a triple one is one.
-    """
-    order = np.argsort(low)
-    low, high, at_low, at_high = low[order], high[order], at_low[order], at_high[order]
-    apart = low[1:] > 0.5 * (high[:-1] + high[1:])
-    first, last = np.append(True, apart), np.append(apart, True)
-    change = np.signbit(at_low[first]) != np.signbit(at_high[last])
-    return np.asarray(0.5 * (low[first] + high[last])[change])
-
-
-def _polish(x: Complex, order: Real, low: Real, high: Real, at_low: Real, at_high: Real) -> Real:
-    """Newton's method from the chord, kept inside brackets in which u is monotone."""
-    low, high = low.copy(), high.copy()
-    rising = at_high > at_low
-    root = low - at_low * (high - low) / (at_high - at_low)
-    for _ in range(_MAXIMUM_BISECTIONS):
-        wave = np.exp(1j * np.multiply.outer(order, root))
-        value = (x @ wave).real
-        slope = ((1j * order * x) @ wave).real
-        right_of_root = (value > 0.0) == rising
-        high = np.where(right_of_root, root, high)
-        low = np.where(right_of_root, low, root)
-        step = np.divide(value, slope, out=np.zeros_like(value), where=slope != 0.0)
-        proposed = root - step
-        inside = (proposed >= low) & (proposed <= high) & (slope != 0.0)
-        new = np.where(inside, proposed, 0.5 * (low + high))
-        done = np.abs(new - root) <= _ROUNDING * np.pi
-        root = new
-        if done.all():
-            break
-    return root
-
-
-@lru_cache(maxsize=64)
-def _grid(harmonics: int) -> tuple[Real, Complex]:
-    # Not aligned with multiples of pi/2, where the zeros of a sum in cosines alone lie.
-    grid = np.linspace(0.0, np.pi, 8 * harmonics + 5) - 0.1
-    waves = np.exp(1j * np.multiply.outer(orders(harmonics), grid))
-    waves[:, -1] = -waves[:, 0]
-    grid.setflags(write=False)
-    waves.setflags(write=False)
-    return grid, waves

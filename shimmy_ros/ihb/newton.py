@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from .balance import Balance, balance
-from .harmonics import Real
+from . import loops
+from .balance import Balance, add_general, packed
+from .elements import Element
+from .loops import Real
 from .system import System
 
 RESIDUAL_TOLERANCE = 1e-11
 STEP_TOLERANCE = 1e-8
 MAXIMUM_ITERATIONS = 25
+# With the held coefficient zero and cosine 1 positive, the determinant is minus the growth
+# determinant's derivative at zero: negative exactly if an even number of disturbances grows
+# without turning. A stable cycle has this sign, the one that it meets in a fold the other.
+STABLE_ORIENTATION = -1
 # A step that would change the frequency or the size of a coordinate by more is shortened.
 _LARGEST_RELATIVE_STEP = 0.5
 _HALVINGS = 8
+_ENDINGS = {
+    loops.CONVERGED: "converged",
+    loops.NOT_FALLING: "the residual stopped falling",
+    loops.TOO_MANY: f"no convergence in {MAXIMUM_ITERATIONS} iterations",
+    loops.OVERFLOWED: "an iterate overflowed",
+}
 
 
 class Phase(NamedTuple):
@@ -66,10 +81,10 @@ def moved(point: Point, phase: Phase, vector: Real) -> Point:
 
 
 def scales(point: Point, phase: Phase) -> Real:
-    """The size of each unknown: its coordinate's first harmonic, or the frequency itself."""
-    size = np.linalg.norm(point.coefficients, axis=1)
-    result = np.repeat(np.maximum(size, 1e-6 * size.max()), point.coefficients.shape[1])
-    result[phase.position] = point.frequency
+    """The size of each unknown: its coordinate's, or the frequency itself."""
+    result = np.empty(point.coefficients.size)
+    loops.unknown_sizes(np.ascontiguousarray(point.coefficients), point.frequency, phase.position,
+                        result)
     return result
 
 
@@ -86,37 +101,26 @@ def newton(system: System, start: Point, active: tuple[int, ...], phase: Phase) 
     Converged means that the relative residual is at most RESIDUAL_TOLERANCE and the last step at
     most STEP_TOLERANCE of the solution's size. The phase is that of ``start``.
     """
-    point = start
-    terms = balance(system, point.coefficients, point.frequency, active)
-    iterations = 0
-    orientation = 0
-    while iterations < MAXIMUM_ITERATIONS:
-        matrix = jacobian(terms, phase)
-        size = scales(point, phase)
-        scaled = matrix * size
-        try:
-            step = np.linalg.solve(scaled, -terms.residual)
-        except np.linalg.LinAlgError:
-            return Convergence(False, point, iterations, terms.error, 0, "the Jacobian is singular")
-        iterations += 1
-        length = float(np.linalg.norm(step))
-        if not np.isfinite(length):
-            return Convergence(False, point, iterations, terms.error, 0, "an iterate overflowed")
-        if terms.error <= RESIDUAL_TOLERANCE and length <= STEP_TOLERANCE:
-            orientation = int(np.linalg.slogdet(scaled)[0])
-            return Convergence(True, point, iterations, terms.error, orientation, "converged")
-        fraction = min(1.0, _LARGEST_RELATIVE_STEP / length) if length > 0.0 else 1.0
-        accepted = None
-        for _ in range(_HALVINGS):
-            candidate = moved(point, phase, unknowns(point, phase) + fraction * size * step)
-            tried = balance(system, candidate.coefficients, candidate.frequency, active)
-            if tried.error < terms.error or tried.error <= RESIDUAL_TOLERANCE:
-                accepted = candidate, tried
-                break
-            fraction *= 0.5
-        if accepted is None:
-            return Convergence(False, point, iterations, terms.error, 0,
-                               "the residual stopped falling")
-        point, terms = accepted
-    return Convergence(False, point, iterations, terms.error, orientation,
-                       f"no convergence in {MAXIMUM_ITERATIONS} iterations")
+    general = system.general_elements
+    solve = _newton_with(general, active) if general else loops.newton
+    try:
+        coefficients, frequency, iterations, residual, orientation, ending = solve(
+            *packed(system, active), np.ascontiguousarray(start.coefficients), start.frequency,
+            phase.position, RESIDUAL_TOLERANCE, STEP_TOLERANCE, _LARGEST_RELATIVE_STEP,
+            MAXIMUM_ITERATIONS, _HALVINGS)
+    except np.linalg.LinAlgError:
+        return Convergence(False, start, 0, math.nan, 0, "the Jacobian is singular")
+    return Convergence(ending == loops.CONVERGED, Point(coefficients, frequency), iterations,
+                       residual, orientation, _ENDINGS[ending])
+
+
+def _newton_with(general: tuple[Element, ...], active: tuple[int, ...]) -> Callable[..., Any]:
+    """loops.newton, not compiled, with the elements added that cannot be."""
+
+    def assemble(*arguments: Any) -> None:
+        loops.assemble(*arguments)
+        for element in general:
+            add_general(element, active, *arguments[9:])
+
+    source = cast(Any, loops.newton).py_func
+    return FunctionType(source.__code__, {**vars(loops), "assemble": assemble})

@@ -23,7 +23,7 @@ class LimitCycle:
     """One periodic solution: coefficients (n, 2N) in the units of q, and omega in rad/s.
 
     ``orientation``, +1 or -1, is the sign of the balance's determinant. It keeps along a branch
-    and changes at a fold, which tells the two cycles that meet there apart.
+    and changes at a fold, which tells the two cycles that meet there apart: +1 is unstable.
     """
 
     coefficients: Real

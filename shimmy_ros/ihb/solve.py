@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from . import loops
 from .balance import balance, recovered
 from .continuation import ContinuationError, branch
 from .describing_function import (
@@ -15,9 +16,10 @@ from .describing_function import (
     with_coulomb_factor,
 )
 from .elements import Coulomb
-from .harmonics import Real, shifted, to_complex, with_harmonics
+from .harmonics import shifted, with_harmonics
 from .newton import (
     RESIDUAL_TOLERANCE,
+    STABLE_ORIENTATION,
     Convergence,
     Phase,
     Point,
@@ -48,7 +50,9 @@ def solve_cold(system: System, harmonics: int) -> Result:
         return _without(Outcome.NO_LIMIT_CYCLE, 0, False,
                         "no limit cycle: the system is linear")
     iterations = 0
-    for guess in growing_cycles(system):
+    growth = growing_cycles(system)
+    undecided = growth.undecided
+    for guess in growth.cycles:
         result = _from_first_harmonic(system, guess, harmonics)
         iterations += result.iterations
         if result.outcome is Outcome.LIMIT_CYCLE:
@@ -56,7 +60,9 @@ def solve_cold(system: System, harmonics: int) -> Result:
     if any(isinstance(element, Coulomb) for element in system.elements):
         family = _friction_family(system)
         for factor in _FACTORS:
-            for guess in growing_cycles(system, factor):
+            growth = growing_cycles(system, factor)
+            undecided = undecided or growth.undecided
+            for guess in growth.cycles:
                 start = _from_first_harmonic(with_coulomb_factor(system, factor), guess, harmonics)
                 iterations += start.iterations
                 if start.limit_cycle is None:
@@ -67,6 +73,9 @@ def solve_cold(system: System, harmonics: int) -> Result:
         return _without(Outcome.FAILED, iterations, False,
                         "did not converge: the balance could not be solved from the describing "
                         "function's cycle")
+    if undecided:
+        return _without(Outcome.FAILED, 0, False, "did not converge: the describing function could "
+                        "not follow a mode that grows from rest")
     return _without(Outcome.NO_LIMIT_CYCLE, 0, False, "no limit cycle: no oscillation grows from "
                     "rest to one at which it would stop")
 
@@ -77,12 +86,13 @@ def solve_warm(system: System, start: LimitCycle) -> Result:
     Fails, and says so, where Newton's method does not converge, and where it converges to a cycle
     too far from ``start`` to be of the same branch for certain.
     """
-    converged, active = _newton_near(system, start)
+    active = system.nonlinear_dofs
+    phase, point = placed(system, start, active)
+    converged = newton(system, point, active, phase)
     if not converged.converged:
         return _failed(converged, True)
     if converged.orientation != start.orientation or not _near(
-            start.coefficients[list(active)], start.frequency, converged.point,
-            _LARGEST_WARM_CHANGE):
+            point, converged.point, _LARGEST_WARM_CHANGE, _LARGEST_WARM_FREQUENCY_CHANGE):
         return _without(Outcome.FAILED, converged.iterations, True,
                         "did not converge to a cycle near enough to be of the same branch",
                         converged.residual)
@@ -98,10 +108,16 @@ def follow(family: Family, start: LimitCycle, parameter: float, target: float) -
     direct = solve_warm(family.system(target), start)
     if direct.outcome is Outcome.LIMIT_CYCLE or parameter == target:
         return direct
-    iterations = direct.iterations
+    result = follow_in_steps(family, start, parameter, target)
+    return replace(result, iterations=result.iterations + direct.iterations)
+
+
+def follow_in_steps(family: Family, start: LimitCycle, parameter: float, target: float) -> Result:
+    """As follow, for two different parameters, in steps from the beginning."""
+    iterations = 0
     system = family.system(parameter)
     active = _active(system, family.system(target))
-    phase, point = _placed(system, start, active)
+    phase, point = placed(system, start, active)
     direction = 1 if target > parameter else -1
     scale = abs(target - parameter)
     previous = None
@@ -109,12 +125,6 @@ def follow(family: Family, start: LimitCycle, parameter: float, target: float) -
         for count, here in enumerate(branch(family, point, parameter, scale, direction, active,
                                             phase)):
             iterations += here.iterations
-            if here.slope * direction <= 0.0:
-                share = 100.0 * (here.parameter - parameter) / (target - parameter)
-                return _without(
-                    Outcome.NO_LIMIT_CYCLE, iterations, True,
-                    f"no limit cycle: the branch ends in a fold {share:.1f} % of the way",
-                    here.residual)
             if (here.parameter - target) * direction >= 0.0:
                 assert previous is not None
                 part = (target - previous.parameter) / (here.parameter - previous.parameter)
@@ -127,11 +137,17 @@ def follow(family: Family, start: LimitCycle, parameter: float, target: float) -
                 last = last._replace(iterations=last.iterations + iterations)
                 if not last.converged:
                     return _failed(last, True)
-                if last.orientation != here.orientation:
+                if last.orientation != start.orientation:
                     return _without(Outcome.FAILED, last.iterations, True,
                                     "did not converge to a cycle of the same branch",
                                     last.residual)
                 return _checked(family.system(target), last, active, True)
+            if here.is_fold or here.slope * direction <= 0.0:
+                share = 100.0 * (here.parameter - parameter) / (target - parameter)
+                return _without(
+                    Outcome.NO_LIMIT_CYCLE, iterations, True,
+                    f"no limit cycle: the branch ends in a fold {share:.1f} % of the way",
+                    here.residual)
             if count >= _MAXIMUM_BRANCH_POINTS:
                 break
             previous = here
@@ -156,38 +172,34 @@ def _from_first_harmonic(system: System, guess: FirstHarmonic, harmonics: int) -
             iterations += converged.iterations
             converged = converged._replace(iterations=iterations)
             if not converged.converged or not _near(
-                    first.coefficients, first.frequency, converged.point, _LARGEST_COLD_CHANGE):
+                    Point(with_harmonics(first.coefficients, count), first.frequency),
+                    converged.point, _LARGEST_COLD_CHANGE, _LARGEST_COLD_CHANGE):
                 break
             point = converged.point
         else:
-            return _checked(system, converged, active, False)
+            if converged.orientation == STABLE_ORIENTATION:
+                return _checked(system, converged, active, False)
+            converged = converged._replace(message="the cycle found is unstable")
         if ladder[0] == 1:
             return _failed(converged, False)
         ladder = [max(1, ladder[0] // 2), *ladder]
 
 
-def _newton_near(system: System, start: LimitCycle) -> tuple[Convergence, tuple[int, ...]]:
-    active = system.nonlinear_dofs
-    phase, point = _placed(system, start, active)
-    return newton(system, point, active, phase), active
-
-
-def _placed(system: System, start: LimitCycle, active: tuple[int, ...]) -> tuple[Phase, Point]:
+def placed(system: System, start: LimitCycle, active: tuple[int, ...]) -> tuple[Phase, Point]:
     """``start`` shifted in time so that the held coefficient is zero."""
     reference = reference_coordinate(system)
-    angle = float(np.angle(to_complex(start.coefficients)[reference, 0]))
-    placed = shifted(start.coefficients, -angle)
+    coefficients = start.coefficients
+    cosine, sine = coefficients[reference, [0, start.harmonics]]
+    if sine != 0.0 or cosine <= 0.0:
+        coefficients = shifted(coefficients, float(np.arctan2(sine, cosine)))
+        coefficients[reference, start.harmonics] = 0.0
     return (phase_of(active, start.harmonics, reference),
-            Point(placed[list(active)], start.frequency))
+            Point(coefficients[list(active)], start.frequency))
 
 
-def _near(coefficients: Real, frequency: float, point: Point, largest: float) -> bool:
-    if abs(point.frequency - frequency) > _LARGEST_WARM_FREQUENCY_CHANGE * frequency and (
-            largest == _LARGEST_WARM_CHANGE):
-        return False
-    before = np.linalg.norm(coefficients, axis=1)
-    after = np.linalg.norm(point.coefficients, axis=1)
-    return bool(np.all(np.abs(after - before) <= largest * before))
+def _near(before: Point, after: Point, largest: float, largest_in_frequency: float) -> bool:
+    return (abs(after.frequency - before.frequency) <= largest_in_frequency * before.frequency
+            and loops.largest_change(before.coefficients, after.coefficients) <= largest)
 
 
 def _checked(system: System, converged: Convergence, active: tuple[int, ...], warm: bool) -> Result:

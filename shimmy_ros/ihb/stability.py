@@ -9,6 +9,7 @@ I + (f+ - f-) n^T / (n^T f-), with n^T f- the acceleration of v_i before the rev
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +61,7 @@ def stability(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STEPS) ->
     shift = int(np.argmin(np.abs(values - 1.0)))
     rest = np.delete(values, shift)
     order = np.argsort(-np.abs(rest))
-    return Stability(rest[order], float(abs(values[shift] - 1.0)))
+    return Stability(rest[order].astype(np.complex128), float(abs(values[shift] - 1.0)))
 
 
 def half_period_map(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STEPS) -> Real:
@@ -75,7 +76,7 @@ def half_period_map(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STE
                     reversals.setdefault(zero, []).append(element)
     bounds = sorted(kinks)
     monodromy = np.eye(2 * system.dofs)
-    for start, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, end in itertools.pairwise(bounds):
         for element in reversals.get(start, []):
             monodromy = _saltation(system, cycle, element, start) @ monodromy
         count = max(1, int(np.ceil(steps * (end - start) / np.pi)))

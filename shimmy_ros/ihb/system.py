@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from .elements import Element
+from .elements import Coulomb, Element, QuadraticDamping
 from .harmonics import Real
+
+
+class ClosedForms(NamedTuple):
+    """Coordinates and strengths of the elements that have closed forms."""
+
+    coulomb: tuple[int, ...]
+    torques: Real
+    quadratic: tuple[int, ...]
+    coefficients: Real
 
 
 @dataclass(frozen=True)
@@ -46,7 +57,22 @@ class System:
         """The number n of degrees of freedom."""
         return len(self.mass)
 
-    @property
+    @cached_property
+    def closed_forms(self) -> ClosedForms:
+        """The Coulomb and velocity-squared elements as arrays."""
+        coulomb = [e for e in self.elements if isinstance(e, Coulomb)]
+        quadratic = [e for e in self.elements if isinstance(e, QuadraticDamping)]
+        return ClosedForms(
+            tuple(e.dof for e in coulomb), np.array([e.torque for e in coulomb], dtype=np.float64),
+            tuple(e.dof for e in quadratic),
+            np.array([e.coefficient for e in quadratic], dtype=np.float64))
+
+    @cached_property
+    def general_elements(self) -> tuple[Element, ...]:
+        """The elements without a closed form."""
+        return tuple(e for e in self.elements if not isinstance(e, (Coulomb, QuadraticDamping)))
+
+    @cached_property
     def nonlinear_dofs(self) -> tuple[int, ...]:
         """The coordinates on which an element acts, ascending."""
         return tuple(sorted({dof for element in self.elements for dof in element.dofs}))

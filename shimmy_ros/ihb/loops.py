@@ -1,0 +1,573 @@
+"""The balance's arithmetic as compiled loops: zeros, elements, condensation, Newton's method.
+
+A warm-started point is a few thousand multiplications, far less than the overhead of the calls
+that would do them array by array. A row is [a_1..a_N, b_1..b_N], in complex form x_k = a_k - i b_k;
+a system is its matrices and, for each element, its position among the active coordinates and its
+strength. The equations are in ``harmonics``, ``elements`` and ``balance``, which the rest of the
+package calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Index = NDArray[np.int64]
+
+CONVERGED, NOT_FALLING, TOO_MANY, OVERFLOWED = 0, 1, 2, 3
+
+# Rounding error of a sum, that of its angle included, relative to the sum of its terms' slopes.
+ROUNDING = 4.0 * 2.220446049250313e-16
+_POLISHING_STEPS = 48
+_STACK = 64
+# Not aligned with multiples of pi/2, where the zeros of a sum in cosines alone lie.
+_GRID_START = -0.1
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """``function`` compiled at its first call, from a cache on disk after that."""
+    compiler: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
+    return cast(Function, compiler(function))
+
+
+@compiled
+def series(x: Complex, turn: complex) -> tuple[float, float]:
+    """u = Re sum_k x_k z^(2k-1) and du/dtau, at z = e^(i tau)."""
+    square = turn * turn
+    wave = turn
+    value = 0.0
+    slope = 0.0
+    for k in range(x.shape[0]):
+        term = x[k] * wave
+        value += term.real
+        slope -= (2 * k + 1) * term.imag
+        wave = wave * square
+    return value, slope
+
+
+@compiled
+def _is_negative(value: float) -> bool:
+    # The sign bit: a value of exactly zero has one as well, so that it counts once.
+    return bool(np.copysign(1.0, value) < 0.0)
+
+
+@compiled
+def _polish(x: Complex, low: float, high: float, at_low: float, at_high: float) -> float:
+    """Newton's method from the chord, inside a bracket in which u is monotone."""
+    rising = at_high > at_low
+    root = low - at_low * (high - low) / (at_high - at_low)
+    for _ in range(_POLISHING_STEPS):
+        value, slope = series(x, np.exp(1j * root))
+        if (value > 0.0) == rising:
+            high = root
+        else:
+            low = root
+        following = root - value / slope if slope != 0.0 else 0.5 * (low + high)
+        if not low <= following <= high:
+            following = 0.5 * (low + high)
+        if abs(following - root) <= ROUNDING * np.pi:
+            return following
+        root = following
+    return root
+
+
+@compiled
+def zeros(x: Complex, out: Real) -> int:
+    """The zeros of u in [-0.1, pi - 0.1), ascending, into ``out`` (2N + 2,); their number.
+
+    An interval is passed over only where a bound on u'' excludes a zero, and taken to hold one
+    only where the bound shows u to be monotone; any other is halved, down to where the bound is
+    below rounding. Adjoining intervals that end there hold one zero if u changes sign over them.
+    A sum that vanishes or is not finite is said to have none.
+    """
+    harmonics = x.shape[0]
+    bound = 0.0
+    slopes = 0.0
+    for k in range(harmonics):
+        bound += (2 * k + 1) ** 2 * abs(x[k])
+        slopes += (2 * k + 1) * abs(x[k])
+    if not 0.0 < bound < np.inf:
+        return 0
+    narrowest = np.sqrt(8.0 * ROUNDING * slopes / bound)
+    cells = 8 * harmonics + 4
+    cell = np.pi / cells
+    turn = np.exp(1j * _GRID_START)
+    step = np.exp(1j * cell)
+    value, slope = series(x, turn)
+    first_value, first_slope = value, slope
+    # Six numbers an interval: ends, values and slopes there.
+    stack = np.empty((_STACK, 6))
+    count = 0
+    run_low = 0.0
+    run_high = 0.0
+    run_from = 0.0
+    run_to = 0.0
+    in_run = False
+    for number in range(cells):
+        if number + 1 == cells:
+            next_value, next_slope = -first_value, -first_slope
+        else:
+            turn = turn * step
+            next_value, next_slope = series(x, turn)
+        stack[0, 0] = _GRID_START + number * cell
+        stack[0, 1] = _GRID_START + (number + 1) * cell
+        stack[0, 2], stack[0, 3] = value, next_value
+        stack[0, 4], stack[0, 5] = slope, next_slope
+        top = 0
+        while top >= 0:
+            low, high = stack[top, 0], stack[top, 1]
+            at_low, at_high = stack[top, 2], stack[top, 3]
+            slope_low, slope_high = stack[top, 4], stack[top, 5]
+            top -= 1
+            width = high - low
+            change = _is_negative(at_low) != _is_negative(at_high)
+            if not change and min(abs(at_low), abs(at_high)) > bound * width * width / 8.0:
+                continue
+            if ((slope_low < 0.0) == (slope_high < 0.0)
+                    and min(abs(slope_low), abs(slope_high)) > bound * width / 2.0):
+                if change:
+                    out[count] = _polish(x, low, high, at_low, at_high)
+                    count += 1
+                continue
+            if width <= narrowest:
+                if in_run and low <= run_high:
+                    run_high, run_to = high, at_high
+                else:
+                    if in_run and _is_negative(run_from) != _is_negative(run_to):
+                        out[count] = 0.5 * (run_low + run_high)
+                        count += 1
+                    in_run = True
+                    run_low, run_high, run_from, run_to = low, high, at_low, at_high
+                continue
+            middle = 0.5 * (low + high)
+            at_middle, slope_middle = series(x, np.exp(1j * middle))
+            # The left half on top, so that intervals are met in ascending order.
+            stack[top + 1, 0], stack[top + 1, 1] = middle, high
+            stack[top + 1, 2], stack[top + 1, 3] = at_middle, at_high
+            stack[top + 1, 4], stack[top + 1, 5] = slope_middle, slope_high
+            stack[top + 2, 0], stack[top + 2, 1] = low, middle
+            stack[top + 2, 2], stack[top + 2, 3] = at_low, at_middle
+            stack[top + 2, 4], stack[top + 2, 5] = slope_low, slope_middle
+            top += 2
+        value, slope = next_value, next_slope
+    if in_run and _is_negative(run_from) != _is_negative(run_to):
+        out[count] = 0.5 * (run_low + run_high)
+        count += 1
+    out[:count].sort()
+    return count
+
+
+@compiled
+def crossings(row: Real, tau: Real) -> tuple[Complex, int, float]:
+    """Velocity dq/dtau of ``row`` in complex form, its zeros into ``tau``, their number, and the
+    sign of the velocity after the first."""
+    harmonics = row.shape[0] // 2
+    rate = np.empty(harmonics, np.complex128)
+    for k in range(harmonics):
+        rate[k] = (2 * k + 1) * (1j * row[k] + row[harmonics + k])
+    count = zeros(rate, tau)
+    if count == 0:
+        return rate, 0, 1.0
+    middle = 0.5 * (tau[0] + tau[1]) if count > 1 else tau[0] + 0.5 * np.pi
+    value, _ = series(rate, np.exp(1j * middle))
+    return rate, count, 1.0 if value > 0.0 else -1.0
+
+
+@compiled
+def add_coulomb(row: Real, torque: float, tau: Real, force: Real, jacobian: Real) -> None:
+    """Add torque * sign(velocity) to ``force`` (2N,) and ``jacobian`` (2N, 2N).
+
+    The force is NaN where the velocity vanishes altogether.
+    """
+    harmonics = row.shape[0] // 2
+    rate, count, sign = crossings(row, tau)
+    if count == 0:
+        force[:] = np.nan
+        return
+    wave = np.empty(harmonics, np.complex128)
+    total = np.zeros(harmonics, np.complex128)
+    for v in range(count):
+        turn = np.exp(1j * tau[v])
+        square = turn * turn
+        _, acceleration = series(rate, turn)
+        power = turn
+        for k in range(harmonics):
+            wave[k] = power
+            total[k] += sign * power / (1j * (2 * k + 1))
+            power = power * square
+        # d sign(v) is a pulse 2 dv / |dv/dtau| at every zero of v; the two halves of the period
+        # contribute alike.
+        pulse = 4.0 / np.pi * torque / abs(acceleration)
+        for k in range(harmonics):
+            for m in range(harmonics):
+                by_cosine = -(2 * m + 1) * wave[m].imag * pulse
+                by_sine = (2 * m + 1) * wave[m].real * pulse
+                jacobian[k, m] += wave[k].real * by_cosine
+                jacobian[k, harmonics + m] += wave[k].real * by_sine
+                jacobian[harmonics + k, m] += wave[k].imag * by_cosine
+                jacobian[harmonics + k, harmonics + m] += wave[k].imag * by_sine
+        sign = -sign
+    for k in range(harmonics):
+        value = -4.0 / np.pi * torque * np.conj(total[k])
+        force[k] += value.real
+        force[harmonics + k] -= value.imag
+
+
+@compiled
+def speed_spectrum(rate: Complex, count: int, sign: float, tau: Real) -> Complex:
+    """W_p = (1/pi) integral of |dq/dtau| e^(-2ip tau), p = 0..2N-1, given the crossings."""
+    harmonics = rate.shape[0]
+    # (2/pi) integral of sign(dq/dtau) e^(i m tau) over half a period, m = 1, 3, ... 6N-1. Signs
+    # alternate and e^(i m (tau + pi)) = -e^(i m tau): each zero counts twice.
+    signs = np.zeros(3 * harmonics, np.complex128)
+    for v in range(count):
+        turn = np.exp(1j * tau[v])
+        square = turn * turn
+        power = turn
+        for j in range(3 * harmonics):
+            signs[j] += sign * power
+            power = power * square
+        sign = -sign
+    for j in range(3 * harmonics):
+        signs[j] *= -4.0 / np.pi / (1j * (2 * j + 1))
+    spectrum = np.empty(2 * harmonics, np.complex128)
+    for p in range(2 * harmonics):
+        total = 0.0 + 0.0j
+        for k in range(harmonics):
+            difference = signs[k - p] if k >= p else np.conj(signs[p - k - 1])
+            total += rate[k] * difference + np.conj(rate[k] * signs[k + p])
+        spectrum[p] = 0.5 * total
+    return spectrum
+
+
+@compiled
+def add_quadratic(row: Real, coefficient: float, frequency: float, tau: Real, force: Real,
+                  jacobian: Real, by_frequency: Real) -> None:
+    """Add coefficient * |velocity| velocity to ``force``, ``jacobian`` and ``by_frequency``."""
+    harmonics = row.shape[0] // 2
+    rate, count, sign = crossings(row, tau)
+    spectrum = speed_spectrum(rate, count, sign, tau)
+    factor = frequency * frequency * coefficient
+    for k in range(harmonics):
+        cosine = 0.0
+        sine = 0.0
+        for m in range(harmonics):
+            # |v| dv/dtau, with d(dq/dtau) = Re sum i (2m-1) dx_m e^(i(2m-1)tau), meets order k
+            # through the spectrum of |v| at k - m and at k + m.
+            difference = spectrum[k - m] if k >= m else np.conj(spectrum[m - k])
+            total = spectrum[k + m + 1]
+            by_cosine = factor * 1j * (2 * m + 1) * (difference - total)
+            by_sine = factor * (2 * m + 1) * (difference + total)
+            jacobian[k, m] += by_cosine.real
+            jacobian[k, harmonics + m] += by_sine.real
+            jacobian[harmonics + k, m] -= by_cosine.imag
+            jacobian[harmonics + k, harmonics + m] -= by_sine.imag
+            # Homogeneous of degree two: f = J A / 2.
+            cosine += 0.5 * (by_cosine.real * row[m] + by_sine.real * row[harmonics + m])
+            sine -= 0.5 * (by_cosine.imag * row[m] + by_sine.imag * row[harmonics + m])
+        force[k] += cosine
+        force[harmonics + k] += sine
+        by_frequency[k] += 2.0 / frequency * cosine
+        by_frequency[harmonics + k] += 2.0 / frequency * sine
+
+
+@compiled
+def dynamic_stiffness(mass: Real, damping: Real, stiffness: Real, rate: float, rows: Index,
+                      columns: Index) -> Complex:
+    """Z = -rate^2 M + i rate C + K between coordinates, shape (rows, columns)."""
+    result = np.empty((rows.shape[0], columns.shape[0]), np.complex128)
+    for i in range(rows.shape[0]):
+        for j in range(columns.shape[0]):
+            p, q = rows[i], columns[j]
+            result[i, j] = complex(stiffness[p, q] - rate * rate * mass[p, q],
+                                   rate * damping[p, q])
+    return result
+
+
+@compiled
+def condensed(mass: Real, damping: Real, stiffness: Real, frequency: float, order: float,
+              kept: Index, dropped: Index) -> tuple[Complex, Complex, Complex, Complex]:
+    """One harmonic's dynamic stiffness of the ``kept`` coordinates and its derivative by frequency.
+
+    Also what gives the ``dropped`` coordinates from the kept ones, shape (dropped, kept), and its
+    counterpart for the rows, (kept, dropped).
+    """
+    rate = order * frequency
+    result = dynamic_stiffness(mass, damping, stiffness, rate, kept, kept)
+    by_frequency = _turning(mass, damping, rate, order, kept, kept)
+    inner = inverse(dynamic_stiffness(mass, damping, stiffness, rate, dropped, dropped))
+    across = dynamic_stiffness(mass, damping, stiffness, rate, dropped, kept)
+    down = dynamic_stiffness(mass, damping, stiffness, rate, kept, dropped)
+    recover = np.zeros((dropped.shape[0], kept.shape[0]), np.complex128)
+    rows = np.zeros((kept.shape[0], dropped.shape[0]), np.complex128)
+    add_product(inner, across, -1.0, recover)
+    add_product(down, inner, -1.0, rows)
+    add_product(down, recover, 1.0, result)
+    changing = _turning(mass, damping, rate, order, dropped, kept)
+    add_product(_turning(mass, damping, rate, order, dropped, dropped), recover, 1.0, changing)
+    add_product(_turning(mass, damping, rate, order, kept, dropped), recover, 1.0, by_frequency)
+    add_product(rows, changing, 1.0, by_frequency)
+    return result, by_frequency, recover, rows
+
+
+@compiled
+def add_product(left: Complex, right: Complex, factor: float, result: Complex) -> None:
+    """Add factor * left @ right to ``result``; small matrices, for which a library call is slow."""
+    for i in range(left.shape[0]):
+        for k in range(left.shape[1]):
+            scaled = factor * left[i, k]
+            for j in range(right.shape[1]):
+                result[i, j] += scaled * right[k, j]
+
+
+@compiled
+def inverse(matrix: Complex) -> Complex:
+    """The inverse, by Gauss and Jordan with partial pivoting; infinite where there is none."""
+    size = matrix.shape[0]
+    work = matrix.copy()
+    result = np.zeros((size, size), np.complex128)
+    for i in range(size):
+        result[i, i] = 1.0
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(work[i, k]) > abs(work[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(size):
+                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+                result[k, j], result[pivot, j] = result[pivot, j], result[k, j]
+        scale = 1.0 / work[k, k]
+        for j in range(size):
+            work[k, j] *= scale
+            result[k, j] *= scale
+        for i in range(size):
+            if i != k:
+                factor = work[i, k]
+                for j in range(size):
+                    work[i, j] -= factor * work[k, j]
+                    result[i, j] -= factor * result[k, j]
+    return result
+
+
+@compiled
+def _turning(mass: Real, damping: Real, rate: float, order: float, rows: Index, columns: Index
+             ) -> Complex:
+    """dZ/domega between coordinates."""
+    result = np.empty((rows.shape[0], columns.shape[0]), np.complex128)
+    for i in range(rows.shape[0]):
+        for j in range(columns.shape[0]):
+            p, q = rows[i], columns[j]
+            result[i, j] = complex(-2.0 * order * rate * mass[p, q], order * damping[p, q])
+    return result
+
+
+@compiled
+def assemble(
+    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    point: Real, frequency: float,
+    residual: Real, jacobian: Real, by_frequency: Real, terms: Real,
+) -> None:
+    """The balance at ``point`` (m, 2N): fills residual and by_frequency (m, 2N), jacobian
+    (m, 2N, m, 2N), and for each coordinate the size ``terms`` (m,) of what the residual sums."""
+    count, width = point.shape
+    harmonics = width // 2
+    residual[:] = 0.0
+    jacobian[:] = 0.0
+    by_frequency[:] = 0.0
+    terms[:] = 0.0
+    for k in range(harmonics):
+        linear, turning, _, _ = condensed(
+            mass, damping, stiffness, frequency, 2.0 * k + 1.0, kept, dropped)
+        for i in range(count):
+            force = 0.0 + 0.0j
+            change = 0.0 + 0.0j
+            size = 0.0
+            for j in range(count):
+                x = complex(point[j, k], -point[j, harmonics + k])
+                force += linear[i, j] * x
+                change += turning[i, j] * x
+                size += abs(linear[i, j]) * abs(x)
+                jacobian[i, k, j, k] = linear[i, j].real
+                jacobian[i, k, j, harmonics + k] = linear[i, j].imag
+                jacobian[i, harmonics + k, j, k] = -linear[i, j].imag
+                jacobian[i, harmonics + k, j, harmonics + k] = linear[i, j].real
+            residual[i, k] = force.real
+            residual[i, harmonics + k] = -force.imag
+            by_frequency[i, k] = change.real
+            by_frequency[i, harmonics + k] = -change.imag
+            terms[i] += size * size
+    for i in range(count):
+        terms[i] = np.sqrt(terms[i])
+    tau = np.empty(2 * harmonics + 2)
+    element = np.zeros(width)
+    for e in range(coulomb.shape[0]):
+        i = coulomb[e]
+        element[:] = 0.0
+        add_coulomb(point[i], torques[e], tau, element, jacobian[i, :, i, :])
+        residual[i] += element
+        terms[i] += np.sqrt(np.sum(element * element))
+    for e in range(quadratic.shape[0]):
+        i = quadratic[e]
+        element[:] = 0.0
+        add_quadratic(point[i], coefficients[e], frequency, tau, element, jacobian[i, :, i, :],
+                      by_frequency[i])
+        residual[i] += element
+        terms[i] += np.sqrt(np.sum(element * element))
+
+
+@compiled
+def relative_error(residual: Real, terms: Real) -> float:
+    """The residual's largest size in one coordinate, relative to its terms'; infinite if NaN."""
+    error = 0.0
+    for i in range(residual.shape[0]):
+        ratio = np.sqrt(np.sum(residual[i] * residual[i])) / max(terms[i], 1e-300)
+        if not ratio < np.inf:
+            return np.inf
+        error = max(error, ratio)
+    return error
+
+
+@compiled
+def unknown_sizes(point: Real, frequency: float, phase: int, sizes: Real) -> None:
+    """The size of each unknown into ``sizes`` (2N m,): its coordinate's, or the frequency."""
+    count, width = point.shape
+    largest = 0.0
+    for i in range(count):
+        size = np.sqrt(np.sum(point[i] * point[i]))
+        largest = max(largest, size)
+        sizes[i * width:(i + 1) * width] = size
+    for i in range(count * width):
+        sizes[i] = max(sizes[i], 1e-6 * largest)
+    sizes[phase] = frequency
+
+
+@compiled
+def largest_change(before: Real, after: Real) -> float:
+    """The largest relative change of the size of a row between two points (m, 2N)."""
+    change = 0.0
+    for i in range(before.shape[0]):
+        old = np.sqrt(np.sum(before[i] * before[i]))
+        new = np.sqrt(np.sum(after[i] * after[i]))
+        change = max(change, abs(new - old) / max(old, 1e-300))
+    return change
+
+
+@compiled
+def newton(
+    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    start: Real, start_frequency: float, phase: int,
+    residual_tolerance: float, step_tolerance: float, largest_step: float,
+    maximum_iterations: int, halvings: int,
+) -> tuple[Real, float, int, float, int, int]:
+    """Damped Newton's method from ``start`` (m, 2N): point, frequency, iterations, relative
+    residual, sign of the determinant, and how it ended."""
+    count, width = start.shape
+    unknowns = count * width
+    point = start.copy()
+    frequency = start_frequency
+    residual = np.empty((count, width))
+    by_frequency = np.empty((count, width))
+    jacobian = np.empty((count, width, count, width))
+    terms = np.empty(count)
+    sizes = np.empty(unknowns)
+    assemble(mass, damping, stiffness, kept, dropped, coulomb, torques, quadratic, coefficients,
+             point, frequency, residual, jacobian, by_frequency, terms)
+    error = relative_error(residual, terms)
+    for iteration in range(1, maximum_iterations + 1):
+        unknown_sizes(point, frequency, phase, sizes)
+        matrix = jacobian.reshape(unknowns, unknowns) * sizes
+        matrix[:, phase] = by_frequency.reshape(unknowns) * frequency
+        right = -residual.reshape(unknowns)
+        if not (np.isfinite(np.sum(matrix)) and np.isfinite(np.sum(right))):
+            return point, frequency, iteration, error, 0, OVERFLOWED
+        step = np.linalg.solve(matrix, right)
+        length = np.sqrt(np.sum(step * step))
+        if error <= residual_tolerance and length <= step_tolerance:
+            sign = np.linalg.slogdet(matrix)[0]
+            return point, frequency, iteration, error, 1 if sign > 0.0 else -1, CONVERGED
+        fraction = min(1.0, largest_step / length) if length > 0.0 else 1.0
+        accepted = False
+        for _ in range(halvings):
+            tried = (point.reshape(unknowns) + fraction * sizes * step)
+            tried[phase] = point.reshape(unknowns)[phase]
+            candidate = tried.reshape(count, width)
+            candidate_frequency = frequency + fraction * frequency * step[phase]
+            if candidate_frequency > 0.0:
+                assemble(mass, damping, stiffness, kept, dropped, coulomb, torques, quadratic,
+                         coefficients, candidate, candidate_frequency, residual, jacobian,
+                         by_frequency, terms)
+                tried_error = relative_error(residual, terms)
+                if tried_error < error or tried_error <= residual_tolerance:
+                    accepted = True
+                    break
+            fraction *= 0.5
+        if not accepted:
+            return point, frequency, iteration, error, 0, NOT_FALLING
+        point, frequency, error = candidate, candidate_frequency, tried_error
+    return point, frequency, maximum_iterations, error, 0, TOO_MANY
+
+
+@compiled
+def recover(mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index, point: Real,
+            frequency: float) -> Real:
+    """Rows (n, 2N) of all coordinates from those (m, 2N) of the ``kept`` ones."""
+    count, width = point.shape
+    harmonics = width // 2
+    result = np.empty((count + dropped.shape[0], width))
+    for i in range(count):
+        result[kept[i]] = point[i]
+    for k in range(harmonics):
+        _, _, others, _ = condensed(
+            mass, damping, stiffness, frequency, 2.0 * k + 1.0, kept, dropped)
+        for i in range(dropped.shape[0]):
+            x = 0.0 + 0.0j
+            for j in range(count):
+                x += others[i, j] * complex(point[j, k], -point[j, harmonics + k])
+            result[dropped[i], k] = x.real
+            result[dropped[i], harmonics + k] = -x.imag
+    return result
+
+
+@compiled
+def parameter_force(
+    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
+    mass_rate: Real, damping_rate: Real, stiffness_rate: Real,
+    point: Real, frequency: float, force: Real,
+) -> None:
+    """Add the derivative of the linear terms, the matrices changing at the given rates, to
+    ``force`` (m, 2N)."""
+    count, width = point.shape
+    harmonics = width // 2
+    everything = np.concatenate((kept, dropped))
+    dofs = everything.shape[0]
+    for k in range(harmonics):
+        order = 2.0 * k + 1.0
+        _, _, recover_others, rows = condensed(
+            mass, damping, stiffness, frequency, order, kept, dropped)
+        changing = dynamic_stiffness(mass_rate, damping_rate, stiffness_rate, order * frequency,
+                                     everything, everything)
+        x = np.zeros(dofs, np.complex128)
+        for j in range(count):
+            x[j] = complex(point[j, k], -point[j, harmonics + k])
+        for i in range(dropped.shape[0]):
+            for j in range(count):
+                x[count + i] += recover_others[i, j] * x[j]
+        for i in range(count):
+            total = 0.0 + 0.0j
+            for j in range(dofs):
+                total += changing[i, j] * x[j]
+                for q in range(dropped.shape[0]):
+                    total += rows[i, q] * changing[count + q, j] * x[j]
+            force[i, k] += total.real
+            force[i, harmonics + k] -= total.imag
