@@ -1,0 +1,122 @@
+"""The predictor: taxi velocity and damper in, the limit cycle out."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.parameter import Parameter
+
+from ..contract.answers import answer
+from ..contract.messages import CODECS
+from ..contract.records import Level, TaxiVelocity
+from ..contract.session import UNSTAMPED, Session
+from ..gear.prediction import (
+    DEFAULT_HARMONICS,
+    HARMONICS_RANGE,
+    Prediction,
+    Predictor,
+    check_harmonics,
+)
+from .gear_node import GearNode
+from .interface import publisher
+from .parameters import declare_count
+
+_TOPICS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
+           "limit_cycle/status")
+
+
+class PredictorNode(GearNode):
+    """Answers every velocity sample that it can keep up with, and every change of a parameter."""
+
+    def __init__(self, **options: Any) -> None:
+        """Raises ParameterError."""
+        super().__init__("predictor", "predictor", **options)
+        harmonics = declare_count(self, "harmonics", DEFAULT_HARMONICS, HARMONICS_RANGE)
+        self._session = Session(
+            self.gear, self.damper, Predictor(harmonics, self.minimum_velocity))
+        self._answer_publishers: dict[str, Any] = {}
+        self._outcomes: dict[str, int] = {}
+        self._last: tuple[Prediction, float] | None = None
+        self._change = self.create_guard_condition(self._answer_change)
+        self._change_pending = False
+
+    def open(self) -> None:
+        """Create the answers' publishers as well."""
+        self._answer_publishers = {name: publisher(self, name) for name in _TOPICS}
+        super().open()
+
+    def close(self) -> None:
+        """Destroy them."""
+        super().close()
+        for handle in self._answer_publishers.values():
+            self.destroy_lifecycle_publisher(handle)
+        self._answer_publishers.clear()
+
+    def begin(self) -> None:
+        """Answer at once where a velocity was heard already: it or the damper may be a new one."""
+        super().begin()
+        self.on_change()
+
+    def on_velocity(self, sample: TaxiVelocity) -> None:
+        """Answer the sample; the queue holds one, so that it is the newest there is."""
+        jump = self._session.take(sample, self._velocity_received_ns)
+        if jump:
+            self.get_logger().warning(jump, throttle_duration_sec=5.0)
+        if self._session.unstamped:
+            self.get_logger().warning(UNSTAMPED, once=True)
+        self._answer()
+
+    def on_change(self) -> None:
+        """Answer for the last velocity, once for all the changes that are waiting."""
+        self._session.gear, self._session.damper = self.gear, self.damper
+        self._change_pending = True
+        self._change.trigger()
+
+    def on_damper(self) -> None:
+        """Answer at once, so that the order of the messages alone decides what is answered."""
+        self._answer_change()
+
+    def check_parameter(self, parameter: Parameter) -> None:
+        """The number of harmonics has to be a whole one in its range."""
+        if parameter.name == "harmonics":
+            check_harmonics(parameter.value)
+
+    def apply_parameter(self, parameter: Parameter) -> None:
+        """Take over the number of harmonics and the minimum velocity."""
+        if parameter.name == "harmonics":
+            self._session.predictor.harmonics = parameter.value
+        elif parameter.name == "minimum_velocity":
+            self._session.predictor.minimum_velocity = parameter.value
+
+    def statuses(self) -> list[tuple[str, Level, str, dict[str, str]]]:
+        """How the last answer went, and how many of each kind there were."""
+        values = {f"answers {outcome}": str(count) for outcome, count in self._outcomes.items()}
+        values["time jumps"] = str(self._session.jumps)
+        if self._last is None:
+            return [("solver", Level.OK, "nothing to answer yet", values)]
+        prediction, solve_time = self._last
+        values["solve_time"] = repr(solve_time)
+        level = Level.ERROR if prediction.failed else Level.OK
+        return [("solver", level, prediction.message, values)]
+
+    def _answer_change(self) -> None:
+        if self._change_pending:
+            self._answer()
+
+    def _answer(self) -> None:
+        sample = self._session.sample
+        if not self.active or sample is None:
+            return
+        self._change_pending = False
+        started = time.perf_counter()
+        prediction = self._session.predict()
+        solve_time = time.perf_counter() - started
+        self._last = prediction, solve_time
+        self._outcomes[prediction.outcome] = self._outcomes.get(prediction.outcome, 0) + 1
+        if prediction.failed:
+            self.get_logger().error(
+                f"at {sample.velocity:g} m/s: {prediction.message}", throttle_duration_sec=5.0)
+        records = answer(prediction, sample.stamp_ns, self._hardware_id, solve_time)
+        for name, record in records.items():
+            self._answer_publishers[name].publish(CODECS[name].encode(record))

@@ -1,0 +1,72 @@
+"""Measured cycles beside the prediction that was in force when each of them ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contract.spec import load_contract
+from ..gear.measurement import measure_cycles
+from .recording import Array, Recording
+
+# A motion smaller than this is no shimmy that a rig would measure.
+SMALLEST_SWIVEL_RAD = 1e-3
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The swivel's cycles of a run; every array has shape (n,).
+
+    ``time`` [s] is the middle of a cycle, ``velocity`` [m/s] the taxi velocity then; ``amplitude``
+    [rad] and ``frequency`` [Hz] are measured, ``predicted_amplitude`` and ``predicted_frequency``
+    the last answer before that time (NaN without one).
+    """
+
+    time: Array
+    velocity: Array
+    amplitude: Array
+    frequency: Array
+    predicted_amplitude: Array
+    predicted_frequency: Array
+
+
+def compare(recording: Recording) -> Comparison:
+    """Measure the swivel's cycles and look up what was predicted for them."""
+    time, position, rate = recording.response
+    swivel = load_contract().joints.index("swivel")
+    cycles = measure_cycles(time, position[:, swivel], rate[:, swivel],
+                            smallest=SMALLEST_SWIVEL_RAD)
+    middle = 0.5 * (cycles.start + cycles.end)
+    answered, amplitude, frequency = recording.predictions
+    return Comparison(
+        middle, _held(middle, *recording.velocity), cycles.amplitude, cycles.frequency,
+        _held(middle, answered, amplitude), _held(middle, answered, frequency))
+
+
+def summary(comparison: Comparison, recording: Recording) -> str:
+    """One line: how far apart measurement and prediction are, and over what range."""
+    shimmy = comparison.predicted_amplitude > 0.0
+    answers = sum(recording.outcomes.values())
+    if not shimmy.any():
+        return (f"{answers} predictions, {comparison.time.size} measured cycles, none of them "
+                "where a limit cycle was predicted")
+    measured, predicted = comparison.amplitude[shimmy], comparison.predicted_amplitude[shimmy]
+    amplitude = np.median(np.abs(measured / predicted - 1.0))
+    frequency = np.median(np.abs(
+        comparison.frequency[shimmy] / comparison.predicted_frequency[shimmy] - 1.0))
+    velocity = comparison.velocity[shimmy]
+    return (
+        f"shimmy from {velocity.max():.1f} to {velocity.min():.1f} m/s, swivel up to "
+        f"{np.degrees(measured.max()):.1f} deg measured and {np.degrees(predicted.max()):.1f} deg "
+        f"predicted; over {measured.size} cycles the median difference is "
+        f"{100.0 * amplitude:.2f} % in amplitude and {100.0 * frequency:.2f} % in frequency "
+        f"({answers} predictions)")
+
+
+def _held(at: Array, time: Array, value: Array) -> Array:
+    """The last ``value`` at or before each time of ``at``; NaN before the first."""
+    if not time.size:
+        return np.full(at.shape, np.nan)
+    index = np.searchsorted(time, at, side="right") - 1
+    return np.where(index >= 0, value[np.maximum(index, 0)], np.nan)
