@@ -124,8 +124,10 @@ def _order(names: Sequence[str]) -> list[int]:
         return _IN_ORDER
     for joint in JOINTS:
         if names.count(joint) != 1:
-            raise MessageError(f"joint {joint} appears {names.count(joint)} times among "
-                               f"{', '.join(names) or 'no names'}, but must appear once")
+            # repr: a damaged name may hold anything, a line break as well.
+            given = ", ".join(map(repr, names)) or "no names"
+            raise MessageError(f"joint {joint} appears {names.count(joint)} times among {given}, "
+                               "but must appear once")
     return [names.index(joint) for joint in JOINTS]
 
 
