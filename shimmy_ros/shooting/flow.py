@@ -1,0 +1,233 @@
+"""The flow: Taylor series of high order from event to event, with its derivatives.
+
+Within a mode the series of the state x follows from x' = A x + b + G w, w_i = s_i (q'_i)^2, by a
+recurrence, and so does that of its derivatives. A step ends at the first event: an active
+velocity that comes to zero, or a holding force that reaches the friction T. Where the velocity v
+of a coordinate comes to zero, and the field changes from f- to f+, the derivatives X change by
+saltation, X+ = X- + (f+ - f-) (X-)_v / (f-)_v. This covers reversal and sticking; in the latter
+the row of v becomes zero and the rank drops. At a release the field is continuous, and so is X.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .modes import Mode, Model, Real, Signs, derivative, extended, mode_of, signs_at
+from .polynomial import first_descent
+from .trajectory import Piece, Trajectory
+
+ORDER = 30
+_TOLERANCE = 1e-16
+_DERIVATIVE_TOLERANCE = 1e-12
+_EXPONENTS = np.arange(ORDER + 1.0)
+# A step grows at most so much; its length is settled to within so much; and components below the
+# smallest number count as zero.
+_GROWTH = 8.0
+_SETTLED = 0.9
+_TINY = 1e-200
+_MOST_STEPS = 200_000
+
+
+class FlowError(ArithmeticError):
+    """The motion grows without bound or switches without end."""
+
+
+class ParameterRate(NamedTuple):
+    """Two models at parameter values ``width`` apart, on either side of the one that moves."""
+
+    below: Model
+    above: Model
+    width: float
+
+    def mode(self, signs: Signs) -> tuple[Real, Real]:
+        """The derivatives by the parameter of a mode's matrix and constant."""
+        low, high = mode_of(self.below, signs), mode_of(self.above, signs)
+        return ((high.matrix - low.matrix) / self.width,
+                (high.constant - low.constant) / self.width)
+
+
+class _Event(NamedTuple):
+    """At ``place``, a share of the step, active coordinate ``number`` stops or is released."""
+
+    place: float
+    number: int
+    release: bool
+
+
+def advance(model: Model, state: Real, duration: float, *, derivatives: bool = False,
+            rate: ParameterRate | None = None) -> Trajectory:
+    """The motion from ``state`` (2n,) over ``duration`` [s].
+
+    ``derivatives`` asks for those by the initial state, and ``rate`` for that by a parameter as
+    well. The last terms of every series are below 1e-16 of the largest value that the component
+    has had, and 1e-12 for derivatives.
+
+    Raises ValueError for a duration that is not positive and finite, and FlowError.
+    """
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise ValueError(f"duration is {duration} s, but must be positive and finite")
+    flow = _Flow(model, rate)
+    size = 2 * model.dofs
+    signs = signs_at(model, np.asarray(state))
+    rows = np.zeros((1, size))
+    if derivatives or rate is not None:
+        rows = np.zeros((1 + size + (rate is not None), size))
+        rows[1:1 + size] = np.eye(size)
+        rows[:, flow.stuck(signs)] = 0.0
+    rows[0] = state
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows, pieces = flow.run(rows, signs, duration)
+    return Trajectory(
+        tuple(pieces), duration, rows[0],
+        rows[1:1 + size].T if derivatives or rate is not None else None,
+        rows[-1] if rate is not None else None)
+
+
+class _Flow:
+    """The modes met so far.
+
+    ``rows`` (r, 2n) hold the state, its derivative by every component of the initial state, and
+    that by the parameter, as far as they are asked for. Series are in s = (t - start) / unit.
+    """
+
+    def __init__(self, model: Model, rate: ParameterRate | None) -> None:
+        self.model, self.rate = model, rate
+        self.size = 2 * model.dofs
+        self.velocities = [model.dofs + dof for dof in model.active]
+        self.modes: dict[Signs, Mode] = {}
+        self.mode_rates: dict[Signs, tuple[Real, Real]] = {}
+
+    def mode(self, signs: Signs) -> Mode:
+        if signs not in self.modes:
+            self.modes[signs] = mode_of(self.model, signs)
+            if self.rate is not None:
+                self.mode_rates[signs] = self.rate.mode(signs)
+        return self.modes[signs]
+
+    def stuck(self, signs: Signs) -> list[int]:
+        """The components of the state that are held at zero."""
+        return [place for place, sign in zip(self.velocities, signs, strict=True) if sign == 0]
+
+    def run(self, rows: Real, signs: Signs, duration: float) -> tuple[Real, list[Piece]]:
+        pieces: list[Piece] = []
+        largest = np.abs(rows)
+        # How many terms of its velocity vanish, by the event just passed, in a coordinate.
+        contact: dict[int, int] = {}
+        time, unit = 0.0, 1.0 / float(np.abs(self.mode(signs).matrix[:self.size]).max())
+        for _ in range(_MOST_STEPS):
+            if time >= duration:
+                return rows, pieces
+            unit = min(unit, duration - time)
+            series = self._series(rows, self.mode(signs), unit)
+            natural = _length(series[:, :, :self.size], largest)
+            length = min(natural, (duration - time) / unit)
+            if not np.isfinite(series).all() or time + natural * unit == time:
+                raise FlowError(f"the motion grows without bound after {time:g} s")
+            event = self._event(series[:, 0], signs, length, contact)
+            if event is not None:
+                length *= event.place
+            if length > 0.0:
+                rows = np.tensordot(length ** _EXPONENTS, series[:, :, :self.size], 1)
+                pieces.append(Piece(time, length * unit, unit, series[:, 0, :self.size].copy(),
+                                    signs))
+                largest = np.maximum(largest, np.abs(rows))
+                contact = {}
+            if event is not None:
+                # Without progress the sign of the next term has come from rounding: pass over it.
+                passed = contact.get(event.number, 0)
+                signs, order = self._switch(rows, signs, event)
+                contact[event.number] = max(order, passed + 1)
+            time = time + length * unit if event is not None or length == natural else duration
+            unit *= natural
+        raise FlowError(f"the motion takes more than {_MOST_STEPS} steps over {duration:g} s: it "
+                        "grows without bound or switches without end")
+
+    def _series(self, rows: Real, mode: Mode, unit: float) -> Real:
+        """Coefficients (p + 1, r, 2n + m) of the rows and of w and its derivatives."""
+        size = self.size
+        series = np.empty((ORDER + 1, len(rows), size + len(self.velocities)))
+        series[0, :, :size] = rows
+        matrix, constant = unit * mode.matrix, unit * mode.constant
+        series[:, :, size:] = 0.0
+        share = np.full(len(rows), 2.0)
+        share[0] = 1.0
+        squares = [(size + number, velocity, mode.signs[number] * share)
+                   for number, velocity in enumerate(self.velocities)
+                   if self.model.drag[number] != 0.0]
+        rates = self.mode_rates.get(mode.signs)
+        for order in range(ORDER):
+            now = series[order]
+            for place, velocity, weight in squares:
+                # Cauchy's product of the velocity with itself, and with its derivatives.
+                now[:, place] = weight * (
+                    series[:order + 1, 0, velocity] @ series[order::-1, :, velocity])
+            following = now @ matrix
+            if rates is not None:
+                following[-1] += now[0] @ rates[0] * unit
+            if order == 0:
+                following[0] += constant
+                if rates is not None:
+                    following[-1] += rates[1] * unit
+            np.divide(following, order + 1, out=series[order + 1, :, :size])
+        return series
+
+    def _event(self, series: Real, signs: Signs, length: float,
+               contact: dict[int, int]) -> _Event | None:
+        """The first event within ``length``, from the series (p + 1, 2n + m) of the state."""
+        scaled = series * (length ** _EXPONENTS)[:, None]
+        mode = self.mode(signs)
+        found: list[_Event] = []
+        for index, sign in enumerate(signs):
+            if sign != 0:
+                margin = sign * scaled[:, self.velocities[index]]
+                margin[:contact.get(index, 0)] = 0.0
+                margins = [margin]
+            else:
+                force = scaled @ mode.hold[:, index]
+                force[0] += mode.hold_constant[index]
+                margins = [-force, force]
+                for margin in margins:
+                    margin[0] += self.model.friction[index]
+            for margin in margins:
+                place = first_descent(margin)
+                if place is not None:
+                    found.append(_Event(place, index, sign == 0))
+        return min(found, default=None)
+
+    def _switch(self, rows: Real, signs: Signs, event: _Event) -> tuple[Signs, int]:
+        """The mode after an event, and how many terms of the velocity vanish; changes ``rows``."""
+        state, before = rows[0], self.mode(signs)
+        index, velocity = event.number, self.velocities[event.number]
+        if event.release:
+            force = extended(self.model, signs, state) @ before.hold + before.hold_constant
+            direction = 1 if force[index] > 0.0 else -1
+            return (*signs[:index], direction, *signs[index + 1:]), 2
+        state[velocity] = 0.0
+        after = signs_at(self.model, state, signs)
+        field = derivative(self.model, before, state)
+        jump = derivative(self.model, self.mode(after), state) - field
+        if len(rows) > 1 and field[velocity] != 0.0:
+            rows[1:] += np.multiply.outer(rows[1:, velocity] / field[velocity], jump)
+        rows[:, self.stuck(after)] = 0.0
+        return after, 1
+
+
+def _length(series: Real, largest: Real) -> float:
+    """The length of a step in units, given the largest value of each component so far."""
+    sizes = np.abs(series)
+    tolerance = np.full((len(largest), 1), _DERIVATIVE_TOLERANCE)
+    tolerance[0] = _TOLERANCE
+    length = 1.0
+    while True:
+        powers = (length ** _EXPONENTS)[:, None, None]
+        allowed = tolerance * np.maximum(np.maximum(largest, (sizes * powers).max(axis=0)), _TINY)
+        excess = [float((sizes[order] / allowed).max()) for order in (ORDER - 1, ORDER)]
+        reached = min([_GROWTH, *(math.pow(size, -1.0 / order) for size, order in zip(
+            excess, (ORDER - 1, ORDER), strict=True) if size > 0.0)])
+        if not reached < _SETTLED * length:
+            return reached
+        # The terms of a step too long by far exaggerate the size of the motion.
+        length = reached
