@@ -88,8 +88,10 @@ class Predictor:
         if self._last is not None and self._last[1].harmonics == self.harmonics:
             previous, cycle = self._last
             warm = solve_warm(system, cycle)
+            if warm.limit_cycle is not None:
+                return warm
             iterations = warm.iterations
-            if warm.limit_cycle is None and previous != point:
+            if previous != point:
                 warm = follow_in_steps(family_between(previous, point), cycle, 0.0, 1.0)
                 iterations += warm.iterations
             if warm.limit_cycle is not None:

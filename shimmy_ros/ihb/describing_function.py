@@ -7,13 +7,17 @@ is where the growth rate is zero, and it is stable where the rate falls as the a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .elements import Coulomb, QuadraticDamping
-from .harmonics import Complex, Real, to_complex, to_real
+from . import loops
+from .balance import add_general, packed
+from .elements import Coulomb, Element, QuadraticDamping
+from .harmonics import Complex, Real, to_real
+from .loops import with_replacement
 from .system import System
 
 _STEP_RATIO = 1.4
@@ -202,49 +206,29 @@ def _mode_at(system: System, amplitude: float, guess: Mode, reference: int) -> M
 
     Shapes are relative to the reference coordinate's; None where it does not converge.
     """
-    count = system.dofs
-    shape, rate = guess
-    place = 2 * reference
-    for _ in range(_NEWTON_ITERATIONS):
-        linear = rate**2 * system.mass + rate * system.damping + system.stiffness
-        turning = (2.0 * rate * system.mass + system.damping) @ (amplitude * shape)
-        residual = _interleaved(linear @ (amplitude * shape))
-        matrix = np.zeros((count, 2, count, 2))
-        matrix[:, 0, :, 0] = matrix[:, 1, :, 1] = linear.real
-        matrix[:, 0, :, 1] = linear.imag
-        matrix[:, 1, :, 0] = -linear.imag
-        by_growth = _interleaved(turning)
-        by_frequency = _interleaved(1j * turning)
-        coefficients = to_real(amplitude * shape[:, None])
-        for element in system.elements:
-            dofs = list(element.dofs)
-            force = element.balance(coefficients[dofs], rate.imag)
-            residual[dofs] += force.force
-            by_frequency[dofs] += force.by_frequency
-            matrix[np.ix_(dofs, range(2), dofs, range(2))] += force.by_coefficients
-        flat = amplitude * matrix.reshape(2 * count, 2 * count)
-        size = abs(rate)
-        flat[:, place] = size * by_growth.ravel()
-        flat[:, place + 1] = size * by_frequency.ravel()
-        try:
-            step = np.linalg.solve(flat, -residual.ravel())
-        except np.linalg.LinAlgError:
-            return None
-        rate += complex(size * step[place], size * step[place + 1])
-        step[place] = step[place + 1] = 0.0
-        change = to_complex(step.reshape(count, 2))[:, 0]
-        shape = shape + change
-        if not (np.isfinite(rate) and np.all(np.isfinite(shape)) and rate.imag > 0.0):
-            return None
-        if np.linalg.norm(change) <= _TOLERANCE * np.linalg.norm(shape) and (
-                np.linalg.norm(residual) <= 1e-6 * np.linalg.norm(linear) * amplitude):
-            return Mode(shape, rate)
-    return None
+    parts = packed(system, tuple(range(system.dofs)))
+    general = system.general_elements
+    solve: Callable[..., tuple[Complex, complex, bool]] = (
+        _solve_with(general, system.dofs) if general else loops.quasi_linear_mode)
+    try:
+        shape, rate, converged = solve(
+            *parts[:3], *parts[5:], amplitude, guess.shape, guess.rate, reference,
+            _NEWTON_ITERATIONS, _TOLERANCE)
+    except np.linalg.LinAlgError:
+        return None
+    return Mode(shape, rate) if converged else None
+
+
+def _solve_with(general: tuple[Element, ...], dofs: int) -> Callable[..., Any]:
+    """loops.quasi_linear_mode, not compiled, with the elements added that cannot be."""
+
+    def add_elements(*arguments: Any) -> None:
+        loops.add_elements(*arguments)
+        for element in general:
+            add_general(element, tuple(range(dofs)), *arguments[4:])
+
+    return with_replacement(loops.quasi_linear_mode, add_elements=add_elements)
 
 
 def _at_amplitude(amplitude: float, mode: Mode) -> FirstHarmonic:
     return FirstHarmonic(to_real(amplitude * mode.shape[:, None]), mode.rate.imag)
-
-
-def _interleaved(x: Complex) -> Real:
-    return to_real(x[:, None])

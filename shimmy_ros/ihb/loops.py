@@ -10,6 +10,7 @@ package calls.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -36,6 +37,15 @@ def compiled(function: Function) -> Function:
     """``function`` compiled at its first call, from a cache on disk after that."""
     compiler: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
     return cast(Function, compiler(function))
+
+
+def with_replacement(function: Callable[..., Any], **replaced: Any) -> Callable[..., Any]:
+    """A compiled ``function`` as plain Python with some of the functions it calls replaced.
+
+    For what cannot be compiled, an element given as Python functions, in the middle of what can.
+    """
+    source = cast(Any, function).py_func
+    return FunctionType(source.__code__, {**globals(), **replaced})
 
 
 @compiled
@@ -176,9 +186,15 @@ def crossings(row: Real, tau: Real) -> tuple[Complex, int, float]:
     count = zeros(rate, tau)
     if count == 0:
         return rate, 0, 1.0
-    middle = 0.5 * (tau[0] + tau[1]) if count > 1 else tau[0] + 0.5 * np.pi
-    value, _ = series(rate, np.exp(1j * middle))
-    return rate, count, 1.0 if value > 0.0 else -1.0
+    # The sign is taken in the widest interval: in a narrow one it may be that of rounding.
+    widest = count - 1
+    width = tau[0] + np.pi - tau[count - 1]
+    for v in range(count - 1):
+        if tau[v + 1] - tau[v] > width:
+            widest = v
+            width = tau[v + 1] - tau[v]
+    value, _ = series(rate, np.exp(1j * (tau[widest] + 0.5 * width)))
+    return rate, count, 1.0 if (value > 0.0) == (widest % 2 == 0) else -1.0
 
 
 @compiled
@@ -330,29 +346,31 @@ def add_product(left: Complex, right: Complex, factor: float, result: Complex) -
 
 @compiled
 def inverse(matrix: Complex) -> Complex:
-    """The inverse, by Gauss and Jordan with partial pivoting; infinite where there is none."""
-    size = matrix.shape[0]
+    """The inverse, by Gauss and Jordan with partial pivoting; not finite where there is none."""
+    rows = matrix.shape[0]
     work = matrix.copy()
-    result = np.zeros((size, size), np.complex128)
-    for i in range(size):
+    result = np.zeros((rows, rows), np.complex128)
+    for i in range(rows):
         result[i, i] = 1.0
-    for k in range(size):
+    for k in range(rows):
         pivot = k
-        for i in range(k + 1, size):
+        for i in range(k + 1, rows):
             if abs(work[i, k]) > abs(work[pivot, k]):
                 pivot = i
         if pivot != k:
-            for j in range(size):
+            for j in range(rows):
                 work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
                 result[k, j], result[pivot, j] = result[pivot, j], result[k, j]
-        scale = 1.0 / work[k, k]
-        for j in range(size):
+        # By the real square, since a complex division by zero raises.
+        size = work[k, k].real ** 2 + work[k, k].imag ** 2
+        scale = complex(work[k, k].real / size, -work[k, k].imag / size)
+        for j in range(rows):
             work[k, j] *= scale
             result[k, j] *= scale
-        for i in range(size):
+        for i in range(rows):
             if i != k:
                 factor = work[i, k]
-                for j in range(size):
+                for j in range(rows):
                     work[i, j] -= factor * work[k, j]
                     result[i, j] -= factor * result[k, j]
     return result
@@ -408,7 +426,19 @@ def assemble(
             terms[i] += size * size
     for i in range(count):
         terms[i] = np.sqrt(terms[i])
-    tau = np.empty(2 * harmonics + 2)
+    add_elements(coulomb, torques, quadratic, coefficients, point, frequency, residual, jacobian,
+                 by_frequency, terms)
+
+
+@compiled
+def add_elements(
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    point: Real, frequency: float,
+    residual: Real, jacobian: Real, by_frequency: Real, terms: Real,
+) -> None:
+    """Add the Coulomb and quadratic elements to what assemble fills."""
+    width = point.shape[1]
+    tau = np.empty(width + 2)
     element = np.zeros(width)
     for e in range(coulomb.shape[0]):
         i = coulomb[e]
@@ -519,6 +549,31 @@ def newton(
 
 
 @compiled
+def solve_point(
+    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    start: Real, start_frequency: float, phase: int,
+    residual_tolerance: float, step_tolerance: float, largest_step: float,
+    maximum_iterations: int, halvings: int,
+) -> tuple[Real, float, int, float, int, int, Real, float]:
+    """newton, then the rows (n, 2N) of all coordinates and the relative residual of all of them."""
+    point, frequency, iterations, error, orientation, ending = newton(
+        mass, damping, stiffness, kept, dropped, coulomb, torques, quadratic, coefficients,
+        start, start_frequency, phase, residual_tolerance, step_tolerance, largest_step,
+        maximum_iterations, halvings)
+    everything = recover(mass, damping, stiffness, kept, dropped, point, frequency)
+    count, width = everything.shape
+    residual = np.empty((count, width))
+    terms = np.empty(count)
+    assemble(
+        mass, damping, stiffness, np.arange(count), np.empty(0, np.int64),
+        kept[coulomb], torques, kept[quadratic], coefficients, everything, frequency,
+        residual, np.empty((count, width, count, width)), np.empty((count, width)), terms)
+    return (point, frequency, iterations, error, orientation, ending, everything,
+            relative_error(residual, terms))
+
+
+@compiled
 def recover(mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index, point: Real,
             frequency: float) -> Real:
     """Rows (n, 2N) of all coordinates from those (m, 2N) of the ``kept`` ones."""
@@ -571,3 +626,70 @@ def parameter_force(
                     total += rows[i, q] * changing[count + q, j] * x[j]
             force[i, k] += total.real
             force[i, harmonics + k] -= total.imag
+
+
+@compiled
+def quasi_linear_mode(
+    mass: Real, damping: Real, stiffness: Real,
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    amplitude: float, shape: Complex, rate: complex, reference: int,
+    maximum_iterations: int, tolerance: float,
+) -> tuple[Complex, complex, bool]:
+    """Newton's method for (mu^2 M + mu C + K) x + F(x, Im mu) = 0, x[reference] = amplitude.
+
+    Starts from ``shape`` (n,), relative to the reference coordinate's, and ``rate`` mu; returns
+    both and whether it converged.
+    """
+    count = mass.shape[0]
+    place = 2 * reference
+    residual = np.empty((count, 2))
+    jacobian = np.empty((count, 2, count, 2))
+    by_frequency = np.empty((count, 2))
+    by_growth = np.empty((count, 2))
+    point = np.empty((count, 2))
+    terms = np.empty(count)
+    for _ in range(maximum_iterations):
+        largest = 0.0
+        for i in range(count):
+            force = 0.0 + 0.0j
+            turning = 0.0 + 0.0j
+            for j in range(count):
+                linear = rate * rate * mass[i, j] + rate * damping[i, j] + stiffness[i, j]
+                force += amplitude * linear * shape[j]
+                turning += amplitude * (2.0 * rate * mass[i, j] + damping[i, j]) * shape[j]
+                jacobian[i, 0, j, 0] = jacobian[i, 1, j, 1] = linear.real
+                jacobian[i, 0, j, 1] = linear.imag
+                jacobian[i, 1, j, 0] = -linear.imag
+                largest = max(largest, abs(linear))
+            residual[i, 0], residual[i, 1] = force.real, -force.imag
+            by_growth[i, 0], by_growth[i, 1] = turning.real, -turning.imag
+            by_frequency[i, 0], by_frequency[i, 1] = -turning.imag, -turning.real
+            point[i, 0], point[i, 1] = amplitude * shape[i].real, -amplitude * shape[i].imag
+            terms[i] = 0.0
+        add_elements(coulomb, torques, quadratic, coefficients, point, rate.imag, residual,
+                     jacobian, by_frequency, terms)
+        size = abs(rate)
+        matrix = amplitude * jacobian.reshape(2 * count, 2 * count)
+        matrix[:, place] = size * by_growth.reshape(2 * count)
+        matrix[:, place + 1] = size * by_frequency.reshape(2 * count)
+        right = -residual.reshape(2 * count)
+        if not (np.isfinite(np.sum(matrix)) and np.isfinite(np.sum(right))):
+            return shape, rate, False
+        step = np.linalg.solve(matrix, right)
+        rate = rate + complex(size * step[place], size * step[place + 1])
+        if not rate.imag > 0.0:
+            return shape, rate, False
+        step[place] = step[place + 1] = 0.0
+        changed = 0.0
+        norm = 0.0
+        new_shape = np.empty(count, np.complex128)
+        for i in range(count):
+            change = complex(step[2 * i], -step[2 * i + 1])
+            new_shape[i] = shape[i] + change
+            changed += abs(change) ** 2
+            norm += abs(new_shape[i]) ** 2
+        shape = new_shape
+        left = np.sqrt(np.sum(residual * residual))
+        if np.sqrt(changed) <= tolerance * np.sqrt(norm) and left <= 1e-6 * largest * amplitude:
+            return shape, rate, True
+    return shape, rate, False

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from types import FunctionType
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import loops
-from .balance import Balance, add_general, packed
+from .balance import Balance, add_general, balance, packed, recovered
 from .elements import Element
 from .loops import Real
 from .system import System
@@ -95,6 +94,15 @@ def jacobian(terms: Balance, phase: Phase) -> Real:
     return matrix
 
 
+class Solved(NamedTuple):
+    """A converged point with the coefficients (n, 2N) of all coordinates, the eliminated ones
+    included, and the relative residual of their balance."""
+
+    convergence: Convergence
+    coefficients: Real
+    residual: float
+
+
 def newton(system: System, start: Point, active: tuple[int, ...], phase: Phase) -> Convergence:
     """Solve the balance from ``start`` by a damped Newton's method.
 
@@ -104,14 +112,42 @@ def newton(system: System, start: Point, active: tuple[int, ...], phase: Phase) 
     general = system.general_elements
     solve = _newton_with(general, active) if general else loops.newton
     try:
-        coefficients, frequency, iterations, residual, orientation, ending = solve(
-            *packed(system, active), np.ascontiguousarray(start.coefficients), start.frequency,
-            phase.position, RESIDUAL_TOLERANCE, STEP_TOLERANCE, _LARGEST_RELATIVE_STEP,
-            MAXIMUM_ITERATIONS, _HALVINGS)
+        return _convergence(solve(*packed(system, active), *_start(start, phase)))
     except np.linalg.LinAlgError:
-        return Convergence(False, start, 0, math.nan, 0, "the Jacobian is singular")
+        return _singular(start)
+
+
+def solve_point(system: System, start: Point, active: tuple[int, ...], phase: Phase) -> Solved:
+    """As newton, followed by a check of the balance of every coordinate."""
+    if not system.general_elements:
+        try:
+            *ending, coefficients, residual = loops.solve_point(
+                *packed(system, active), *_start(start, phase))
+        except np.linalg.LinAlgError:
+            return Solved(_singular(start), np.empty((0, 0)), math.nan)
+        return Solved(_convergence(ending), coefficients, residual)
+    convergence = newton(system, start, active, phase)
+    point = convergence.point
+    coefficients = recovered(system, point.coefficients, point.frequency, active)
+    everything = tuple(range(system.dofs))
+    residual = balance(system, coefficients, point.frequency, everything).error
+    return Solved(convergence, coefficients, residual)
+
+
+def _start(start: Point, phase: Phase) -> tuple[Any, ...]:
+    return (np.ascontiguousarray(start.coefficients), start.frequency, phase.position,
+            RESIDUAL_TOLERANCE, STEP_TOLERANCE, _LARGEST_RELATIVE_STEP, MAXIMUM_ITERATIONS,
+            _HALVINGS)
+
+
+def _convergence(end: Sequence[Any]) -> Convergence:
+    coefficients, frequency, iterations, residual, orientation, ending = end
     return Convergence(ending == loops.CONVERGED, Point(coefficients, frequency), iterations,
                        residual, orientation, _ENDINGS[ending])
+
+
+def _singular(start: Point) -> Convergence:
+    return Convergence(False, start, 0, math.nan, 0, "the Jacobian is singular")
 
 
 def _newton_with(general: tuple[Element, ...], active: tuple[int, ...]) -> Callable[..., Any]:
@@ -122,5 +158,4 @@ def _newton_with(general: tuple[Element, ...], active: tuple[int, ...]) -> Calla
         for element in general:
             add_general(element, active, *arguments[9:])
 
-    source = cast(Any, loops.newton).py_func
-    return FunctionType(source.__code__, {**vars(loops), "assemble": assemble})
+    return loops.with_replacement(loops.newton, assemble=assemble)

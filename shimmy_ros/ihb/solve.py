@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from . import loops
-from .balance import balance, recovered
 from .continuation import ContinuationError, branch
 from .describing_function import (
     FirstHarmonic,
@@ -23,8 +22,9 @@ from .newton import (
     Convergence,
     Phase,
     Point,
-    newton,
+    Solved,
     phase_of,
+    solve_point,
 )
 from .solution import LimitCycle, Outcome, Result
 from .system import Family, System
@@ -88,7 +88,8 @@ def solve_warm(system: System, start: LimitCycle) -> Result:
     """
     active = system.nonlinear_dofs
     phase, point = placed(system, start, active)
-    converged = newton(system, point, active, phase)
+    solved = solve_point(system, point, active, phase)
+    converged = solved.convergence
     if not converged.converged:
         return _failed(converged, True)
     if converged.orientation != start.orientation or not _near(
@@ -96,7 +97,7 @@ def solve_warm(system: System, start: LimitCycle) -> Result:
         return _without(Outcome.FAILED, converged.iterations, True,
                         "did not converge to a cycle near enough to be of the same branch",
                         converged.residual)
-    return _checked(system, converged, active, True)
+    return _checked(solved, True)
 
 
 def follow(family: Family, start: LimitCycle, parameter: float, target: float) -> Result:
@@ -133,15 +134,16 @@ def follow_in_steps(family: Family, start: LimitCycle, parameter: float, target:
                     + part * (here.point.coefficients - previous.point.coefficients),
                     previous.point.frequency
                     + part * (here.point.frequency - previous.point.frequency))
-                last = newton(family.system(target), guess, active, phase)
-                last = last._replace(iterations=last.iterations + iterations)
+                solved = solve_point(family.system(target), guess, active, phase)
+                last = solved.convergence._replace(
+                    iterations=solved.convergence.iterations + iterations)
                 if not last.converged:
                     return _failed(last, True)
                 if last.orientation != start.orientation:
                     return _without(Outcome.FAILED, last.iterations, True,
                                     "did not converge to a cycle of the same branch",
                                     last.residual)
-                return _checked(family.system(target), last, active, True)
+                return _checked(solved._replace(convergence=last), True)
             if here.is_fold or here.slope * direction <= 0.0:
                 share = 100.0 * (here.parameter - parameter) / (target - parameter)
                 return _without(
@@ -168,9 +170,9 @@ def _from_first_harmonic(system: System, guess: FirstHarmonic, harmonics: int) -
         point = first
         for count in ladder:
             point = Point(with_harmonics(point.coefficients, count), point.frequency)
-            converged = newton(system, point, active, phase_of(active, count, reference))
-            iterations += converged.iterations
-            converged = converged._replace(iterations=iterations)
+            solved = solve_point(system, point, active, phase_of(active, count, reference))
+            iterations += solved.convergence.iterations
+            converged = solved.convergence._replace(iterations=iterations)
             if not converged.converged or not _near(
                     Point(with_harmonics(first.coefficients, count), first.frequency),
                     converged.point, _LARGEST_COLD_CHANGE, _LARGEST_COLD_CHANGE):
@@ -178,7 +180,7 @@ def _from_first_harmonic(system: System, guess: FirstHarmonic, harmonics: int) -
             point = converged.point
         else:
             if converged.orientation == STABLE_ORIENTATION:
-                return _checked(system, converged, active, False)
+                return _checked(solved._replace(convergence=converged), False)
             converged = converged._replace(message="the cycle found is unstable")
         if ladder[0] == 1:
             return _failed(converged, False)
@@ -202,17 +204,14 @@ def _near(before: Point, after: Point, largest: float, largest_in_frequency: flo
             and loops.largest_change(before.coefficients, after.coefficients) <= largest)
 
 
-def _checked(system: System, converged: Convergence, active: tuple[int, ...], warm: bool) -> Result:
-    """The result after the balance of every coordinate, eliminated ones included, was checked."""
-    point = converged.point
-    coefficients = recovered(system, point.coefficients, point.frequency, active)
-    everything = tuple(range(system.dofs))
-    residual = balance(system, coefficients, point.frequency, everything).error
+def _checked(solved: Solved, warm: bool) -> Result:
+    """The result, if the balance of every coordinate, eliminated ones included, holds."""
+    converged, residual = solved.convergence, solved.residual
     if not residual <= _CHECK_TOLERANCE:
         return _without(Outcome.FAILED, converged.iterations, warm,
                         f"did not converge: the balance is left with a residual of {residual:.1e}",
                         residual)
-    cycle = LimitCycle(coefficients, point.frequency, converged.orientation)
+    cycle = LimitCycle(solved.coefficients, converged.point.frequency, converged.orientation)
     return Result(Outcome.LIMIT_CYCLE, cycle, converged.iterations, residual, warm,
                   "limit cycle found")
 
