@@ -296,41 +296,66 @@ def add_quadratic(row: Real, coefficient: float, frequency: float, tau: Real, fo
 
 
 @compiled
-def dynamic_stiffness(mass: Real, damping: Real, stiffness: Real, rate: float, rows: Index,
-                      columns: Index) -> Complex:
-    """Z = -rate^2 M + i rate C + K between coordinates, shape (rows, columns)."""
-    result = np.empty((rows.shape[0], columns.shape[0]), np.complex128)
+def fill_dynamic_stiffness(mass: Real, damping: Real, stiffness: Real, rate: float, rows: Index,
+                           columns: Index, result: Complex) -> None:
+    """Z = -rate^2 M + i rate C + K between coordinates, into ``result`` (rows, columns)."""
     for i in range(rows.shape[0]):
         for j in range(columns.shape[0]):
             p, q = rows[i], columns[j]
             result[i, j] = complex(stiffness[p, q] - rate * rate * mass[p, q],
                                    rate * damping[p, q])
-    return result
 
 
 @compiled
-def condensed(mass: Real, damping: Real, stiffness: Real, frequency: float, order: float,
-              kept: Index, dropped: Index) -> tuple[Complex, Complex, Complex, Complex]:
+def fill_turning(mass: Real, damping: Real, rate: float, order: float, rows: Index,
+                 columns: Index, result: Complex) -> None:
+    """dZ/domega between coordinates, into ``result`` (rows, columns)."""
+    for i in range(rows.shape[0]):
+        for j in range(columns.shape[0]):
+            p, q = rows[i], columns[j]
+            result[i, j] = complex(-2.0 * order * rate * mass[p, q], order * damping[p, q])
+
+
+@compiled
+def condensation_space(kept: int, dropped: int) -> Complex:
+    """Room in which ``condense`` works and leaves its results, for use again and again."""
+    return np.empty((9, max(kept, dropped), max(kept, dropped)), np.complex128)
+
+
+@compiled
+def condense(mass: Real, damping: Real, stiffness: Real, frequency: float, order: float,
+             kept: Index, dropped: Index, space: Complex
+             ) -> tuple[Complex, Complex, Complex, Complex]:
     """One harmonic's dynamic stiffness of the ``kept`` coordinates and its derivative by frequency.
 
     Also what gives the ``dropped`` coordinates from the kept ones, shape (dropped, kept), and its
-    counterpart for the rows, (kept, dropped).
+    counterpart for the rows, (kept, dropped). All four are views of ``space``.
     """
+    m, n = kept.shape[0], dropped.shape[0]
     rate = order * frequency
-    result = dynamic_stiffness(mass, damping, stiffness, rate, kept, kept)
-    by_frequency = _turning(mass, damping, rate, order, kept, kept)
-    inner = inverse(dynamic_stiffness(mass, damping, stiffness, rate, dropped, dropped))
-    across = dynamic_stiffness(mass, damping, stiffness, rate, dropped, kept)
-    down = dynamic_stiffness(mass, damping, stiffness, rate, kept, dropped)
-    recover = np.zeros((dropped.shape[0], kept.shape[0]), np.complex128)
-    rows = np.zeros((kept.shape[0], dropped.shape[0]), np.complex128)
-    add_product(inner, across, -1.0, recover)
-    add_product(down, inner, -1.0, rows)
-    add_product(down, recover, 1.0, result)
-    changing = _turning(mass, damping, rate, order, dropped, kept)
-    add_product(_turning(mass, damping, rate, order, dropped, dropped), recover, 1.0, changing)
-    add_product(_turning(mass, damping, rate, order, kept, dropped), recover, 1.0, by_frequency)
-    add_product(rows, changing, 1.0, by_frequency)
+    result, by_frequency = space[0, :m, :m], space[1, :m, :m]
+    recover, rows = space[2, :n, :m], space[3, :m, :n]
+    fill_dynamic_stiffness(mass, damping, stiffness, rate, kept, kept, result)
+    fill_turning(mass, damping, rate, order, kept, kept, by_frequency)
+    if n > 0:
+        inner, inverse = space[4, :n, :n], space[5, :n, :n]
+        across, down, changing = space[6, :n, :m], space[7, :m, :n], space[8]
+        fill_dynamic_stiffness(mass, damping, stiffness, rate, dropped, dropped, inner)
+        fill_dynamic_stiffness(mass, damping, stiffness, rate, dropped, kept, across)
+        fill_dynamic_stiffness(mass, damping, stiffness, rate, kept, dropped, down)
+        invert(inner, inverse)
+        recover[:] = 0.0
+        rows[:] = 0.0
+        add_product(inverse, across, -1.0, recover)
+        add_product(down, inverse, -1.0, rows)
+        add_product(down, recover, 1.0, result)
+        # d result = L dZ R with R = (1, recover) and L = (1, rows).
+        fill_turning(mass, damping, rate, order, kept, dropped, changing[:m, :n])
+        add_product(changing[:m, :n], recover, 1.0, by_frequency)
+        fill_turning(mass, damping, rate, order, dropped, kept, across)
+        fill_turning(mass, damping, rate, order, dropped, dropped, changing[:n, :n])
+        add_product(changing[:n, :n], recover, 1.0, across)
+        add_product(rows, across, 1.0, by_frequency)
     return result, by_frequency, recover, rows
 
 
@@ -345,47 +370,34 @@ def add_product(left: Complex, right: Complex, factor: float, result: Complex) -
 
 
 @compiled
-def inverse(matrix: Complex) -> Complex:
-    """The inverse, by Gauss and Jordan with partial pivoting; not finite where there is none."""
-    rows = matrix.shape[0]
-    work = matrix.copy()
-    result = np.zeros((rows, rows), np.complex128)
-    for i in range(rows):
-        result[i, i] = 1.0
-    for k in range(rows):
+def invert(matrix: Complex, result: Complex) -> None:
+    """The inverse into ``result``, by Gauss and Jordan with partial pivoting; spoils ``matrix``.
+
+    Not finite where there is none.
+    """
+    size = matrix.shape[0]
+    for i in range(size):
+        for j in range(size):
+            result[i, j] = 1.0 if i == j else 0.0
+    for k in range(size):
         pivot = k
-        for i in range(k + 1, rows):
-            if abs(work[i, k]) > abs(work[pivot, k]):
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
                 pivot = i
         if pivot != k:
-            for j in range(rows):
-                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+            for j in range(size):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
                 result[k, j], result[pivot, j] = result[pivot, j], result[k, j]
-        # By the real square, since a complex division by zero raises.
-        size = work[k, k].real ** 2 + work[k, k].imag ** 2
-        scale = complex(work[k, k].real / size, -work[k, k].imag / size)
-        for j in range(rows):
-            work[k, j] *= scale
+        scale = 1.0 / matrix[k, k]
+        for j in range(size):
+            matrix[k, j] *= scale
             result[k, j] *= scale
-        for i in range(rows):
+        for i in range(size):
             if i != k:
-                factor = work[i, k]
-                for j in range(rows):
-                    work[i, j] -= factor * work[k, j]
+                factor = matrix[i, k]
+                for j in range(size):
+                    matrix[i, j] -= factor * matrix[k, j]
                     result[i, j] -= factor * result[k, j]
-    return result
-
-
-@compiled
-def _turning(mass: Real, damping: Real, rate: float, order: float, rows: Index, columns: Index
-             ) -> Complex:
-    """dZ/domega between coordinates."""
-    result = np.empty((rows.shape[0], columns.shape[0]), np.complex128)
-    for i in range(rows.shape[0]):
-        for j in range(columns.shape[0]):
-            p, q = rows[i], columns[j]
-            result[i, j] = complex(-2.0 * order * rate * mass[p, q], order * damping[p, q])
-    return result
 
 
 @compiled
@@ -403,9 +415,10 @@ def assemble(
     jacobian[:] = 0.0
     by_frequency[:] = 0.0
     terms[:] = 0.0
+    space = condensation_space(kept.shape[0], dropped.shape[0])
     for k in range(harmonics):
-        linear, turning, _, _ = condensed(
-            mass, damping, stiffness, frequency, 2.0 * k + 1.0, kept, dropped)
+        linear, turning, _, _ = condense(
+            mass, damping, stiffness, frequency, 2.0 * k + 1.0, kept, dropped, space)
         for i in range(count):
             force = 0.0 + 0.0j
             change = 0.0 + 0.0j
@@ -562,15 +575,53 @@ def solve_point(
         start, start_frequency, phase, residual_tolerance, step_tolerance, largest_step,
         maximum_iterations, halvings)
     everything = recover(mass, damping, stiffness, kept, dropped, point, frequency)
-    count, width = everything.shape
-    residual = np.empty((count, width))
-    terms = np.empty(count)
-    assemble(
-        mass, damping, stiffness, np.arange(count), np.empty(0, np.int64),
-        kept[coulomb], torques, kept[quadratic], coefficients, everything, frequency,
-        residual, np.empty((count, width, count, width)), np.empty((count, width)), terms)
     return (point, frequency, iterations, error, orientation, ending, everything,
-            relative_error(residual, terms))
+            full_error(mass, damping, stiffness, kept[coulomb], torques, kept[quadratic],
+                       coefficients, everything, frequency))
+
+
+@compiled
+def full_error(
+    mass: Real, damping: Real, stiffness: Real, coulomb: Index, torques: Real,
+    quadratic: Index, coefficients: Real, point: Real, frequency: float,
+) -> float:
+    """The relative residual of all coordinates at ``point`` (n, 2N), none of them eliminated."""
+    count, width = point.shape
+    harmonics = width // 2
+    residual = np.zeros((count, width))
+    terms = np.zeros(count)
+    for k in range(harmonics):
+        rate = (2 * k + 1) * frequency
+        for i in range(count):
+            force = 0.0 + 0.0j
+            size = 0.0
+            for j in range(count):
+                x = complex(point[j, k], -point[j, harmonics + k])
+                term = complex(stiffness[i, j] - rate * rate * mass[i, j],
+                               rate * damping[i, j]) * x
+                force += term
+                size += abs(term)
+            residual[i, k] = force.real
+            residual[i, harmonics + k] = -force.imag
+            terms[i] += size * size
+    terms = np.sqrt(terms)
+    # The elements' derivatives are not asked for, but come along.
+    unused = np.zeros((width, width))
+    also_unused = np.zeros(width)
+    element = np.zeros(width)
+    tau = np.empty(width + 2)
+    for e in range(coulomb.shape[0] + quadratic.shape[0]):
+        element[:] = 0.0
+        if e < coulomb.shape[0]:
+            i = coulomb[e]
+            add_coulomb(point[i], torques[e], tau, element, unused)
+        else:
+            i = quadratic[e - coulomb.shape[0]]
+            add_quadratic(point[i], coefficients[e - coulomb.shape[0]], frequency, tau, element,
+                          unused, also_unused)
+        residual[i] += element
+        terms[i] += np.sqrt(np.sum(element * element))
+    return relative_error(residual, terms)
 
 
 @compiled
@@ -582,9 +633,10 @@ def recover(mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: In
     result = np.empty((count + dropped.shape[0], width))
     for i in range(count):
         result[kept[i]] = point[i]
+    space = condensation_space(kept.shape[0], dropped.shape[0])
     for k in range(harmonics):
-        _, _, others, _ = condensed(
-            mass, damping, stiffness, frequency, 2.0 * k + 1.0, kept, dropped)
+        _, _, others, _ = condense(
+            mass, damping, stiffness, frequency, 2.0 * k + 1.0, kept, dropped, space)
         for i in range(dropped.shape[0]):
             x = 0.0 + 0.0j
             for j in range(count):
@@ -606,12 +658,14 @@ def parameter_force(
     harmonics = width // 2
     everything = np.concatenate((kept, dropped))
     dofs = everything.shape[0]
+    space = condensation_space(kept.shape[0], dropped.shape[0])
+    changing = np.empty((dofs, dofs), np.complex128)
     for k in range(harmonics):
         order = 2.0 * k + 1.0
-        _, _, recover_others, rows = condensed(
-            mass, damping, stiffness, frequency, order, kept, dropped)
-        changing = dynamic_stiffness(mass_rate, damping_rate, stiffness_rate, order * frequency,
-                                     everything, everything)
+        _, _, recover_others, rows = condense(
+            mass, damping, stiffness, frequency, order, kept, dropped, space)
+        fill_dynamic_stiffness(mass_rate, damping_rate, stiffness_rate, order * frequency,
+                               everything, everything, changing)
         x = np.zeros(dofs, np.complex128)
         for j in range(count):
             x[j] = complex(point[j, k], -point[j, harmonics + k])

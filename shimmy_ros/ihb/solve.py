@@ -86,6 +86,8 @@ def solve_warm(system: System, start: LimitCycle) -> Result:
     Fails, and says so, where Newton's method does not converge, and where it converges to a cycle
     too far from ``start`` to be of the same branch for certain.
     """
+    if not system.elements:
+        return _without(Outcome.NO_LIMIT_CYCLE, 0, True, "no limit cycle: the system is linear")
     active = system.nonlinear_dofs
     phase, point = placed(system, start, active)
     solved = solve_point(system, point, active, phase)
@@ -191,7 +193,7 @@ def placed(system: System, start: LimitCycle, active: tuple[int, ...]) -> tuple[
     """``start`` shifted in time so that the held coefficient is zero."""
     reference = reference_coordinate(system)
     coefficients = start.coefficients
-    cosine, sine = coefficients[reference, [0, start.harmonics]]
+    cosine, sine = coefficients[reference, 0], coefficients[reference, start.harmonics]
     if sine != 0.0 or cosine <= 0.0:
         coefficients = shifted(coefficients, float(np.arctan2(sine, cosine)))
         coefficients[reference, start.harmonics] = 0.0
