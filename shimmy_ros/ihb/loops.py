@@ -373,7 +373,7 @@ def add_product(left: Complex, right: Complex, factor: float, result: Complex) -
 def invert(matrix: Complex, result: Complex) -> None:
     """The inverse into ``result``, by Gauss and Jordan with partial pivoting; spoils ``matrix``.
 
-    Not finite where there is none.
+    NaN where there is none.
     """
     size = matrix.shape[0]
     for i in range(size):
@@ -388,6 +388,9 @@ def invert(matrix: Complex, result: Complex) -> None:
             for j in range(size):
                 matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
                 result[k, j], result[pivot, j] = result[pivot, j], result[k, j]
+        if matrix[k, k] == 0.0:
+            result[:] = np.nan
+            return
         scale = 1.0 / matrix[k, k]
         for j in range(size):
             matrix[k, j] *= scale
