@@ -52,7 +52,7 @@ class Packed(NamedTuple):
 def packed(system: System, active: tuple[int, ...]) -> Packed:
     """``system`` with all coordinates but the ``active`` ones to be eliminated."""
     forms = system.closed_forms
-    kept, dropped = _split(system.dofs, active)
+    kept, dropped = split_coordinates(system.dofs, active)
     return Packed(
         system.mass, system.damping, system.stiffness, kept, dropped,
         _positions(active, forms.coulomb), forms.torques,
@@ -115,7 +115,8 @@ def recovered(
 
 
 @lru_cache(maxsize=256)
-def _split(dofs: int, active: tuple[int, ...]) -> tuple[Index, Index]:
+def split_coordinates(dofs: int, active: tuple[int, ...]) -> tuple[Index, Index]:
+    """The coordinates that are kept and those that are eliminated, as ``loops`` takes them."""
     dropped = [dof for dof in range(dofs) if dof not in active]
     return np.array(active, dtype=np.int64), np.array(dropped, dtype=np.int64)
 

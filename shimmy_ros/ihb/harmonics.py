@@ -89,8 +89,7 @@ def zeros(x: Complex) -> Real:
 
 def peaks(coefficients: Real) -> Real:
     """The largest magnitude of each sum over the period, shape coefficients.shape[:-1]."""
-    flat = coefficients.reshape(-1, coefficients.shape[-1])
-    largest = np.array([
-        np.max(np.abs(evaluate(row, velocity_zeros(row)))) if np.any(row) else 0.0 for row in flat
-    ])
+    flat = np.ascontiguousarray(coefficients.reshape(-1, coefficients.shape[-1]))
+    largest = np.empty(len(flat))
+    loops.peaks(flat, largest)
     return largest.reshape(coefficients.shape[:-1])

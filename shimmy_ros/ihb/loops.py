@@ -750,3 +750,56 @@ def quasi_linear_mode(
         if np.sqrt(changed) <= tolerance * np.sqrt(norm) and left <= 1e-6 * largest * amplitude:
             return shape, rate, True
     return shape, rate, False
+
+
+@compiled
+def peaks(point: Real, result: Real) -> None:
+    """The largest magnitude of each row of ``point`` (n, 2N) over the period, into (n,)."""
+    count, width = point.shape
+    harmonics = width // 2
+    tau = np.empty(width + 2)
+    x = np.empty(harmonics, np.complex128)
+    for i in range(count):
+        _, number, _ = crossings(point[i], tau)
+        for k in range(harmonics):
+            x[k] = complex(point[i, k], -point[i, harmonics + k])
+        result[i] = 0.0
+        for v in range(number):
+            value, _ = series(x, np.exp(1j * tau[v]))
+            result[i] = max(result[i], abs(value))
+
+
+@compiled
+def solve_chain(
+    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    start: Real, start_frequency: float, orientation: int, phase: int,
+    residual_tolerance: float, step_tolerance: float, largest_step: float,
+    maximum_iterations: int, halvings: int,
+    largest_change_allowed: float, largest_frequency_change: float, check_tolerance: float,
+    amplitudes: Real, frequencies: Real, iterations: Index, residuals: Real,
+) -> tuple[int, Real, float]:
+    """Solve a sequence of systems, each warm-started from the two before it.
+
+    Matrices have shape (P, n, n) and strengths (P, elements). Fills one row a point and stops at
+    the first that does not converge near its guess and on the same side of a fold; returns how
+    many were solved, and the last of them.
+    """
+    point, frequency = start, start_frequency
+    before, before_frequency = start, start_frequency
+    for p in range(damping.shape[0]):
+        guess = point + (point - before) if p > 1 else point.copy()
+        guess_frequency = 2.0 * frequency - before_frequency if p > 1 else frequency
+        found, found_frequency, count, _, sign, ending, everything, error = solve_point(
+            mass[p], damping[p], stiffness[p], kept, dropped, coulomb, torques[p], quadratic,
+            coefficients[p], guess, guess_frequency, phase, residual_tolerance, step_tolerance,
+            largest_step, maximum_iterations, halvings)
+        if (ending != CONVERGED or sign != orientation or not error <= check_tolerance
+                or largest_change(point, found) > largest_change_allowed
+                or abs(found_frequency - frequency) > largest_frequency_change * frequency):
+            return p, point, frequency
+        before, before_frequency = point, frequency
+        point, frequency = found, found_frequency
+        peaks(everything, amplitudes[p])
+        frequencies[p], iterations[p], residuals[p] = frequency, count, error
+    return damping.shape[0], point, frequency

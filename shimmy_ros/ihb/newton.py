@@ -24,6 +24,9 @@ STABLE_ORIENTATION = -1
 # A step that would change the frequency or the size of a coordinate by more is shortened.
 _LARGEST_RELATIVE_STEP = 0.5
 _HALVINGS = 8
+# As ``loops`` takes them.
+NEWTON_SETTINGS = (RESIDUAL_TOLERANCE, STEP_TOLERANCE, _LARGEST_RELATIVE_STEP,
+                   MAXIMUM_ITERATIONS, _HALVINGS)
 _ENDINGS = {
     loops.CONVERGED: "converged",
     loops.NOT_FALLING: "the residual stopped falling",
@@ -136,8 +139,7 @@ def solve_point(system: System, start: Point, active: tuple[int, ...], phase: Ph
 
 def _start(start: Point, phase: Phase) -> tuple[Any, ...]:
     return (np.ascontiguousarray(start.coefficients), start.frequency, phase.position,
-            RESIDUAL_TOLERANCE, STEP_TOLERANCE, _LARGEST_RELATIVE_STEP, MAXIMUM_ITERATIONS,
-            _HALVINGS)
+            *NEWTON_SETTINGS)
 
 
 def _convergence(end: Sequence[Any]) -> Convergence:

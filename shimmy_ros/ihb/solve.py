@@ -30,10 +30,10 @@ from .solution import LimitCycle, Outcome, Result
 from .system import Family, System
 
 # A residual of all coordinates may exceed that of the active ones by rounding alone.
-_CHECK_TOLERANCE = 100.0 * RESIDUAL_TOLERANCE
+CHECK_TOLERANCE = 100.0 * RESIDUAL_TOLERANCE
 # A converged point further from its guess than this may lie on another branch.
-_LARGEST_WARM_CHANGE = 0.25
-_LARGEST_WARM_FREQUENCY_CHANGE = 0.1
+LARGEST_WARM_CHANGE = 0.25
+LARGEST_WARM_FREQUENCY_CHANGE = 0.1
 _LARGEST_COLD_CHANGE = 0.6
 _MAXIMUM_BRANCH_POINTS = 400
 _FACTORS = (0.5, 0.25, 0.125, 0.0)
@@ -95,7 +95,7 @@ def solve_warm(system: System, start: LimitCycle) -> Result:
     if not converged.converged:
         return _failed(converged, True)
     if converged.orientation != start.orientation or not _near(
-            point, converged.point, _LARGEST_WARM_CHANGE, _LARGEST_WARM_FREQUENCY_CHANGE):
+            point, converged.point, LARGEST_WARM_CHANGE, LARGEST_WARM_FREQUENCY_CHANGE):
         return _without(Outcome.FAILED, converged.iterations, True,
                         "did not converge to a cycle near enough to be of the same branch",
                         converged.residual)
@@ -209,7 +209,7 @@ def _near(before: Point, after: Point, largest: float, largest_in_frequency: flo
 def _checked(solved: Solved, warm: bool) -> Result:
     """The result, if the balance of every coordinate, eliminated ones included, holds."""
     converged, residual = solved.convergence, solved.residual
-    if not residual <= _CHECK_TOLERANCE:
+    if not residual <= CHECK_TOLERANCE:
         return _without(Outcome.FAILED, converged.iterations, warm,
                         f"did not converge: the balance is left with a residual of {residual:.1e}",
                         residual)
