@@ -39,11 +39,12 @@ if not (3, 10) <= sys.version_info[:2] <= (3, 13):
 endef
 export CHECK_PYTHON
 
-.PHONY: help demo test lint clean
+.PHONY: help demo test bench lint clean
 
 help:
 	@echo 'make demo   play a real landing to predictor and simulator; results in out/'
 	@echo 'make test   lint and run all tests'
+	@echo 'make bench  measure; figures and ratios into out/bench.json'
 	@echo 'make lint   ruff and mypy alone'
 	@echo 'make clean  remove .venv, out/ and everything else that was generated'
 	@echo 'Another Python than python3: PYTHON=python3.12 (at the first installation)'
@@ -53,6 +54,10 @@ demo: $(INSTALLED)
 
 test: lint
 	$(BIN)/python -m pytest
+
+# Single-threaded BLAS; the figures go to out/bench.json.
+bench: $(INSTALLED)
+	$(BIN)/python -m benchmarks
 
 lint: $(INSTALLED)
 	$(BIN)/python -m ruff check
