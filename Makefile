@@ -77,6 +77,8 @@ $(INSTALLED): $(SOURCES)
 	@touch $(UNFINISHED)
 	@echo 'Installing into $(VENV) (about a minute the first time) ...'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[$(EXTRAS)]'
+	@echo 'Compiling the solver (once) ...'
+	@$(BIN)/shimmy predict --velocity 40 >/dev/null
 	@rm $(UNFINISHED)
 	@touch $@
 
