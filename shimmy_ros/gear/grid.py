@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -72,7 +73,7 @@ def predict_grid(points: GridPoints, harmonics: int = DEFAULT_HARMONICS,
     """
     count = threads or os.cpu_count() or 1
     bounds = np.linspace(0, len(points), min(count, max(1, len(points))) + 1).astype(int)
-    parts = [points.part(start, stop) for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
+    parts = [points.part(start, stop) for start, stop in itertools.pairwise(bounds)]
     if len(parts) == 1:
         done = [_predict(parts[0], harmonics, minimum_velocity)]
     else:

@@ -65,6 +65,10 @@ class Predictor:
         """Start cold at the next point."""
         self._last = None
 
+    def remember(self, point: OperatingPoint, cycle: LimitCycle) -> None:
+        """Start the next prediction from ``cycle``, which is that of ``point``."""
+        self._last = point, cycle
+
     def predict(self, point: OperatingPoint) -> Prediction:
         """The limit cycle that a growing oscillation reaches at ``point``.
 
@@ -83,21 +87,22 @@ class Predictor:
                           result.iterations, result.residual, result.warm, result.message)
 
     def _solve(self, point: OperatingPoint) -> Result:
-        iterations = 0
         system = gear_system(point)
-        if self._last is not None and self._last[1].harmonics == self.harmonics:
-            previous, cycle = self._last
-            warm = solve_warm(system, cycle)
-            if warm.limit_cycle is not None:
-                return warm
-            iterations = warm.iterations
-            if previous != point:
-                warm = follow_in_steps(family_between(previous, point), cycle, 0.0, 1.0)
-                iterations += warm.iterations
-            if warm.limit_cycle is not None:
-                return replace(warm, iterations=iterations)
+        if self._last is None or self._last[1].harmonics != self.harmonics:
+            return solve_cold(system, self.harmonics)
+        previous, cycle = self._last
+        warm = solve_warm(system, cycle)
+        if warm.outcome is not Outcome.FAILED:
+            return warm
+        # A cold start costs less than steps along the branch, and does not know the past.
         cold = solve_cold(system, self.harmonics)
-        return replace(cold, iterations=cold.iterations + iterations)
+        iterations = warm.iterations + cold.iterations
+        if cold.outcome is Outcome.FAILED and previous != point:
+            steps = follow_in_steps(family_between(previous, point), cycle, 0.0, 1.0)
+            iterations += steps.iterations
+            if steps.limit_cycle is not None:
+                return replace(steps, iterations=iterations)
+        return replace(cold, iterations=iterations)
 
 
 def check_harmonics(harmonics: int) -> int:

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import Damper, ParameterError, changed
 from shimmy_ros.gear.prediction import NOT_ROLLING, Predictor, check_harmonics
-from shimmy_ros.gear.system import OperatingPoint, gear_system
+from shimmy_ros.gear.system import OperatingPoint
+from shimmy_ros.ihb.newton import STABLE_ORIENTATION
 from shimmy_ros.ihb.solution import Outcome
-from shimmy_ros.ihb.solve import solve_cold
 
 GEAR, DAMPER = reference_parameters()
 CASES = json.loads(
@@ -63,35 +63,32 @@ def test_a_cold_start_converges_in_every_case_of_the_reference(harmonics):
             assert frequency <= BARS[harmonics][1], case
 
 
-POINTS = st.builds(
-    at, velocity=st.floats(10.0, 100.0), quadratic_damping=st.floats(1.0, 60.0),
-    coulomb_torque=st.one_of(st.just(0.0), st.floats(0.0, 30.0)),
-    linear_damping=st.floats(0.0, 10.0))
-SMALL_STEPS = st.tuples(*[st.floats(0.95, 1.05)] * 3)
+@st.composite
+def points(draw):
+    """Friction up to 1 N m for each m/s: with more the small cycles may stick."""
+    velocity = draw(st.floats(10.0, 100.0))
+    torque = velocity * draw(st.one_of(st.just(0.0), st.floats(0.0, 1.0)))
+    return at(velocity, draw(st.floats(1.0, 60.0)), torque, draw(st.floats(0.0, 10.0)))
 
 
 def nearby(point, factors):
-    velocity, quadratic, torque = factors
-    return at(min(100.0, max(10.0, point.velocity * velocity)),
-              point.damper.quadratic_damping * quadratic, point.damper.coulomb_torque * torque,
-              point.damper.linear_damping)
+    velocity = min(100.0, max(10.0, point.velocity * factors[0]))
+    return at(velocity, point.damper.quadratic_damping * factors[1],
+              min(velocity, point.damper.coulomb_torque * factors[2]), point.damper.linear_damping)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(first=POINTS, step=SMALL_STEPS, second=POINTS)
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(first=points(), step=st.tuples(*[st.floats(0.95, 1.05)] * 3), second=points())
 def test_what_came_before_does_not_change_the_answer(first, step, second):
     predictor = Predictor()
     for point in (first, nearby(first, step), second):
         prediction = predictor.predict(point)
         assert not prediction.failed
-        cold = solve_cold(gear_system(point), 4)
-        assert prediction.outcome == cold.outcome.value
-        if cold.limit_cycle is not None:
-            assert_same_answer(prediction, Predictor().predict(point))
+        assert_same_answer(prediction, Predictor().predict(point))
+        if prediction.limit_cycle is not None:
             # Neither the unstable trigger nor the cycle of the locked damper near 41 Hz.
-            assert prediction.limit_cycle.orientation == -1
+            assert prediction.limit_cycle.orientation == STABLE_ORIENTATION
             assert prediction.limit_cycle.frequency_hz < 20.0
-            assert prediction.limit_cycle.amplitude()[1] < 1.6
 
 
 def test_the_way_to_a_point_does_not_matter():
@@ -174,6 +171,16 @@ def test_no_limit_cycle_is_an_answer_whatever_came_before(point):
         assert not prediction.failed
         assert prediction.message.startswith("no limit cycle: ")
     assert not warm.predict(at(40.0)).warm
+
+
+@pytest.mark.parametrize(("point", "unstable"), [
+    (at(99.0, 34.0, 91.0, 8.0), 0.01879), (at(29.0, 38.0, 38.0, 4.0), 0.01773),
+    (at(54.0, 49.0, 31.0, 6.0), 0.01100)])
+def test_close_to_a_fold_it_is_still_the_stable_cycle(point, unstable):
+    # The describing function's guess is nearer to the unstable cycle of this swivel amplitude.
+    prediction = Predictor(1).predict(point)
+    assert prediction.limit_cycle.orientation == STABLE_ORIENTATION
+    assert prediction.limit_cycle.amplitude()[1] > 1.01 * unstable
 
 
 @pytest.mark.parametrize("velocity", [6.16, 6.17, 6.2])

@@ -83,7 +83,7 @@ def test_friction_and_damping_converge_to_the_cycle_that_shooting_finds(
         result = solve_cold(rubbing(growth, torque, damping), harmonics)
         errors.append((abs(amplitude_of(result) / amplitude - 1.0),
                        abs(result.limit_cycle.frequency / frequency - 1.0)))
-    assert errors[0] < (0.005, 0.004)
+    assert max(errors[0]) < 0.005
     assert errors[1][0] < 1e-5
     assert errors[3][0] < 3e-8
     # The jumps of the friction leave an error in the frequency that falls as 1 / N.
@@ -117,9 +117,9 @@ def test_every_coordinate_of_a_chain_is_balanced(harmonics):
     result = solve_cold(system, harmonics)
     cycle = result.limit_cycle
     assert cycle.coefficients.shape == (6, 2 * harmonics)
-    assert result.residual == balance(
-        system, cycle.coefficients, cycle.frequency, tuple(range(6))).error
     assert result.residual < 1e-10
+    everything = tuple(range(6))
+    assert balance(system, cycle.coefficients, cycle.frequency, everything).error < 1e-10
     # What the driven mass takes in a period is what dampers and friction use up.
     velocity = cycle.velocity(np.arange(20000) * cycle.period / 20000)
     assert np.all(np.max(np.abs(velocity), axis=1) > 0.01)
@@ -225,8 +225,15 @@ def test_a_warm_start_that_ends_too_far_away_fails(rubbing):
     result = solve_warm(rubbing(0.2, 0.0, 0.2), start)
     assert result.outcome is Outcome.FAILED
     assert result.message == "did not converge to a cycle near enough to be of the same branch"
+    other = solve_warm(rubbing(0.2, 0.0, 0.1), replace(start, orientation=-STABLE_ORIENTATION))
+    assert other.outcome is Outcome.FAILED
     gone = solve_warm(rubbing(-0.2, 0.0, 0.1), start)
     assert gone.outcome is Outcome.FAILED
+
+
+def test_a_warm_start_of_a_linear_system_finds_no_cycle(rubbing):
+    start = solve_cold(rubbing(0.2, 0.05, 0.1), 4).limit_cycle
+    assert solve_warm(rubbing(0.2, 0.0, 0.0), start).outcome is Outcome.NO_LIMIT_CYCLE
 
 
 def test_following_to_where_one_is_changes_nothing(rubbing):
