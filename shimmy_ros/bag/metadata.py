@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from ..contract.spec import QoS
+from .message import Channel
 
 VERSION = 9
 """Of the layout of metadata.yaml, as ROS 2 Jazzy writes it."""
@@ -21,18 +22,15 @@ _NEVER_NS = 2**63 - 1
 
 @dataclass
 class Connection:
-    """One recorded topic: resolved ``name``, stock ``type``, QoS, RIHS01 hash, message count."""
+    """One recorded channel and the number of its messages."""
 
-    name: str
-    type: str
-    qos: QoS
-    type_hash: str
+    channel: Channel
     message_count: int = 0
 
 
-def qos_profile(qos: QoS) -> dict[str, Any]:
-    """``qos`` as rosbag2 lists it."""
-    return {
+def qos_profiles(qos: QoS) -> str:
+    """The YAML list of ``qos`` alone, as rosbag2 notes it for a channel."""
+    profile = {
         "history": qos.history.value,
         "depth": qos.depth,
         "reliability": qos.reliability.value,
@@ -43,6 +41,7 @@ def qos_profile(qos: QoS) -> dict[str, Any]:
         "liveliness_lease_duration": dict(_INFINITE),
         "avoid_ros_namespace_conventions": False,
     }
+    return yaml_text([profile]).rstrip()
 
 
 def bag_information(
@@ -56,11 +55,11 @@ def bag_information(
     topics = [
         {
             "topic_metadata": {
-                "name": connection.name,
-                "type": connection.type,
-                "serialization_format": "cdr",
-                "offered_qos_profiles": [qos_profile(connection.qos)],
-                "type_description_hash": connection.type_hash,
+                "name": connection.channel.topic,
+                "type": connection.channel.type,
+                "serialization_format": connection.channel.encoding,
+                "offered_qos_profiles": _listed(connection.channel.qos),
+                "type_description_hash": connection.channel.type_hash,
             },
             "message_count": connection.message_count,
         }
@@ -90,6 +89,15 @@ def bag_information(
         "custom_data": None,
         "ros_distro": "jazzy",
     }
+
+
+def _listed(profiles: str) -> list[Any]:
+    """The profiles of a channel as values; those of another bag may be unreadable."""
+    try:
+        listed = yaml.safe_load(profiles)
+    except yaml.YAMLError:
+        return []
+    return listed if isinstance(listed, list) else []
 
 
 def yaml_text(content: object) -> str:

@@ -1,116 +1,186 @@
-"""Reads the messages of a bag that holds MCAP files, as far as a damaged one goes."""
+"""Reads the messages of any ROS bag, as far as a damaged one goes.
+
+rosbag2's MCAP and SQLite files, alone or in a directory, with or without metadata.yaml, in every
+compression that rosbag2 knows, and ROS 1 bags.
+"""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Collection, Iterator
-from io import BufferedReader, FileIO
-from pathlib import Path
-from typing import NamedTuple
+from contextlib import ExitStack, contextmanager
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 
 import yaml
-from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Message, Schema, Statistics
-from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
+from zstandard import ZstdDecompressor, ZstdError
 
+from . import mcap_file, ros1_file, sqlite_file
 from .errors import BagError
+from .mcap_file import McapFile
+from .message import CDR, BagMessage, Channel
+from .ros1_file import Ros1File
+from .sqlite_file import SqliteFile
 
-_MAGIC = b"\x89MCAP0\r\n"
+BagFile = McapFile | SqliteFile | Ros1File
 
-# What the mcap library and the decompressors raise where bytes are missing or wrong. A wrong length
-# can ask for more memory than there is.
-_DAMAGE = (McapError, ZstdError, struct.error, ValueError, RuntimeError, OverflowError, MemoryError)
-
-
-class BagMessage(NamedTuple):
-    """One message as it was recorded: resolved topic name, package/msg/Type, log time, bytes."""
-
-    topic: str
-    type: str
-    log_time_ns: int
-    data: bytes
+_KINDS: tuple[tuple[bytes, type[McapFile] | type[SqliteFile] | type[Ros1File]], ...] = (
+    (mcap_file.MAGIC, McapFile),
+    (sqlite_file.MAGIC, SqliteFile),
+    (ros1_file.MAGIC, Ros1File),
+)
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_ZSTD = ".zstd"
+_SUFFIXES = (".mcap", ".db3")
+_BLOCK_BYTES = 1 << 20
 
 
 class BagMessages(Iterator[BagMessage]):
-    """The messages of a bag, in the order in which they were written.
+    """The messages of a bag: file by file and, within a file, by log time.
 
-    ``damage`` says, once the iteration has passed there, what is wrong with each file that ends
-    early or cannot be read to its end; it is empty when the bag is whole.
+    The messages of an MCAP file or a ROS 1 bag that has no index, because its writer was killed,
+    come as they were written. ``damage`` says, once the iteration has passed there, what is wrong
+    with each file that ends early or cannot be read to its end; it is empty when the bag is whole.
+    ``metadata`` has the contents of MCAP's metadata records by name, and ``fraction`` is the part
+    of the bag that has been read, both as far as the iteration went.
     """
 
     def __init__(self, files: list[Path], topics: Collection[str] | None) -> None:
         """Read ``topics``, or all, of ``files``, one after the other."""
         self.damage: list[str] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self._sizes = [file.stat().st_size for file in files]
+        self._done = 0
+        self._file: BagFile | None = None
         self._messages = self._read(files, topics)
 
     def __next__(self) -> BagMessage:
         return next(self._messages)
 
+    @property
+    def fraction(self) -> float:
+        """The part of the bag that has been read, from 0 to 1."""
+        within = 0.0
+        if self._file is not None:
+            within = self._file.fraction * self._sizes[0]
+        total = self._done + sum(self._sizes)
+        return (self._done + within) / total if total else 1.0
+
     def _read(self, files: list[Path], topics: Collection[str] | None) -> Iterator[BagMessage]:
-        for file in files:
-            count = 0
+        for path in files:
             try:
-                for message in _messages(file):
-                    count += 1
-                    if topics is None or message.topic in topics:
-                        yield message
-            except EndOfFile:
-                self.damage.append(f"{file} is cut off after {count} messages")
-            except _DAMAGE as error:
-                reason = " ".join(str(error).split()) or type(error).__name__
-                self.damage.append(f"{file} is damaged after {count} messages: {reason}")
+                with _open(path, self.damage) as self._file:
+                    yield from self._read_file(self._file, path, topics)
+            except BagError as error:
+                # The files before and behind it are read all the same.
+                self.damage.append(str(error))
+            self._file = None
+            self._done += self._sizes.pop(0)
+
+    def _read_file(self, file: BagFile, path: Path, topics: Collection[str] | None
+                   ) -> Iterator[BagMessage]:
+        try:
+            for message in file.messages(topics):
+                try:
+                    yield _uncompressed(message)
+                except ZstdError as error:
+                    self.damage.append(
+                        f"a message on {message.topic} in {path} is damaged: {error}")
+        finally:
+            # What is read may be a decompressed copy.
+            self.damage += [text.replace(str(file.path), str(path)) for text in file.damage]
+            self.metadata |= file.metadata
+
+
+class Bag:
+    """A bag that exists; nothing but its list of files has been read."""
+
+    def __init__(self, path: Path | str) -> None:
+        """Raises BagError where there is no bag, and OSError where the disk fails."""
+        self.path = Path(path)
+        self._files = _files(self.path)
+        for file in self._files:
+            if not file.is_file():
+                raise BagError(f"bag {path} lacks its file {file.name}")
+            # A killed recorder may leave the last of several files with nothing in it.
+            if not _is_compressed(file) and (len(self._files) == 1 or file.stat().st_size):
+                _kind(file)
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Every channel once, in the order of the files. Raises OSError.
+
+        Reads all of a file that was cut, and else its index. Raises BagError where no file can be
+        read.
+        """
+        found: dict[Channel, None] = {}
+        damage: list[str] = []
+        for path in self._files:
+            try:
+                with _open(path, damage) as file:
+                    found |= dict.fromkeys(file.channels())
+            except BagError as error:
+                damage.append(str(error))
+        if len(damage) >= len(self._files) and not found:
+            raise BagError("; ".join(damage))
+        return tuple(found)
+
+    def messages(self, topics: Collection[str] | None = None) -> BagMessages:
+        """The messages on ``topics`` (resolved names), or on all; iterating raises OSError."""
+        return BagMessages(self._files, topics)
 
 
 def read_messages(path: Path | str, topics: Collection[str] | None = None) -> BagMessages:
-    """The messages of ``topics`` (resolved names), or of all, in a bag directory or an MCAP file.
+    """The messages of ``topics`` (resolved names), or of all, in a bag: a directory or a file.
 
     A directory without metadata.yaml, which a killed writer leaves, is read as well. Raises
     BagError where there is no bag, and OSError where the disk fails.
     """
-    files = _files(Path(path))
-    for file in files:
-        if not file.is_file():
-            raise BagError(f"bag {path} lacks its file {file.name}")
-        with file.open("rb") as stream:
-            if stream.read(len(_MAGIC)) != _MAGIC:
-                raise BagError(f"{file} is no MCAP file")
-    return BagMessages(files, topics)
+    return Bag(path).messages(topics)
 
 
-class _WholeReads(BufferedReader):
-    """A file that raises EndOfFile instead of returning fewer bytes than were asked for."""
-
-    def __init__(self, file: Path) -> None:
-        super().__init__(FileIO(file))
-        self._left = file.stat().st_size
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        if size is None or not 0 <= size <= self._left:
-            raise EndOfFile
-        self._left -= size
-        return super().read(size)
+def _uncompressed(message: BagMessage) -> BagMessage:
+    # A killed recorder leaves no metadata to tell that messages are compressed one by one, but no
+    # CDR message begins like this.
+    if message.data[:4] != _ZSTD_MAGIC or message.channel.encoding != CDR:
+        return message
+    return message._replace(data=ZstdDecompressor().decompressobj().decompress(message.data))
 
 
-def _messages(file: Path) -> Iterator[BagMessage]:
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    count = 0
-    with _WholeReads(file) as stream:
-        for record in StreamReader(stream, validate_crcs=True, record_size_limit=None).records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message):
-                channel = channels.get(record.channel_id)
-                schema = schemas.get(channel.schema_id) if channel else None
-                if channel is None or schema is None:
-                    raise McapError(f"channel {record.channel_id} has no topic or no type")
-                count += 1
-                yield BagMessage(channel.topic, schema.name, record.log_time, record.data)
-            elif isinstance(record, Statistics) and record.message_count != count:
-                raise McapError(f"it was written with {record.message_count}")
+@contextmanager
+def _open(path: Path, damage: list[str]) -> Iterator[BagFile]:
+    """One file; one that is compressed as a whole is decompressed into a temporary directory."""
+    with ExitStack() as stack:
+        if _is_compressed(path):
+            directory = stack.enter_context(TemporaryDirectory(prefix="shimmy_ros_"))
+            path = _decompressed(path, Path(directory), damage)
+        yield _kind(path)(path)
+
+
+def _decompressed(path: Path, directory: Path, damage: list[str]) -> Path:
+    target = directory / path.name.removesuffix(_ZSTD)
+    with path.open("rb") as source, target.open("wb") as sink:
+        reader = ZstdDecompressor().stream_reader(source, read_across_frames=True)
+        try:
+            while block := reader.read(_BLOCK_BYTES):
+                sink.write(block)
+        except ZstdError as error:
+            damage.append(f"{path} is damaged: {error}")
+    if not target.stat().st_size:
+        raise BagError(f"{path} is cut off before its first message")
+    return target
+
+
+def _is_compressed(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC
+
+
+def _kind(path: Path) -> type[McapFile] | type[SqliteFile] | type[Ros1File]:
+    with path.open("rb") as stream:
+        head = stream.read(16)
+    for magic, kind in _KINDS:
+        if head.startswith(magic):
+            return kind
+    raise BagError(f"{path} is no bag: it is neither an MCAP nor an SQLite file nor a ROS 1 bag")
 
 
 def _files(path: Path) -> list[Path]:
@@ -120,12 +190,18 @@ def _files(path: Path) -> list[Path]:
         raise BagError(f"bag {path} does not exist")
     metadata = path / "metadata.yaml"
     if metadata.is_file():
-        return [path / name for name in _file_names(metadata)]
+        # Before its version 4, rosbag2 put the directory's name before the file's.
+        return [path / PurePath(name).name for name in _file_names(metadata)]
     # Without metadata, rosbag2's numbering gives the order: bag_2.mcap comes before bag_10.mcap.
-    files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
-    if not files:
-        raise BagError(f"bag {path} holds neither metadata.yaml nor an MCAP file")
-    return files
+    found: dict[str, Path] = {}
+    for file in sorted(path.iterdir(), reverse=True):
+        # Of a file whose compression was cut short the uncompressed one, which comes later here.
+        name = file.name.removesuffix(_ZSTD)
+        if name.endswith(_SUFFIXES):
+            found[name] = file
+    if not found:
+        raise BagError(f"bag {path} holds neither metadata.yaml nor an MCAP or SQLite file")
+    return [found[name] for name in sorted(found, key=lambda name: (len(name), name))]
 
 
 def _file_names(metadata: Path) -> list[str]:

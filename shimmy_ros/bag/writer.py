@@ -18,7 +18,9 @@ from mcap.writer import CompressionType, Writer
 from ..contract.spec import Topic
 from ..contract.typestore import definition, type_hash
 from .errors import BagError
-from .metadata import Connection, bag_information, qos_profile, yaml_text
+from .message import CDR, Channel
+from .metadata import Connection, bag_information, qos_profiles, yaml_text
+from .types import MSG
 
 CHUNK_SECONDS = 0.1
 """Age at which a chunk is closed: a quarter second less the delays of a timer."""
@@ -31,6 +33,7 @@ SETTINGS = "shimmy_ros"
 
 _RECORD_OVERHEAD = 31  # opcode, length, channel, sequence and the two times of a message record
 _LAST_NS = 2**63 - 1
+_NO_SCHEMA = 0
 
 
 class BagWriter:
@@ -60,8 +63,8 @@ class BagWriter:
         except OSError as error:
             raise BagError(f"bag {directory} cannot be made: {error.strerror}") from error
         self.path = self.directory / f"{self.directory.resolve().name}_0.mcap"
-        self._connections: dict[str, tuple[int, Connection]] = {}
-        self._schemas: dict[str, int] = {}
+        self._connections: dict[str | Channel, tuple[int, Connection]] = {}
+        self._schemas: dict[tuple[str, bytes, str], int] = {}
         self._first_ns: int | None = None
         self._last_ns: int | None = None
         self._pending_bytes = 0
@@ -83,21 +86,41 @@ class BagWriter:
         name = topic.resolved(namespace)
         if name in self._connections:
             raise BagError(f"topic {name} is in bag {self.directory} already")
-        if topic.type not in self._schemas:
-            self._schemas[topic.type] = self._writer.register_schema(
-                topic.type, "ros2msg", definition(topic.type).encode())
-        connection = Connection(name, topic.type, topic.qos, type_hash(topic.type))
-        channel = self._writer.register_channel(
-            name, "cdr", self._schemas[topic.type],
-            {"offered_qos_profiles": yaml_text([qos_profile(topic.qos)]).rstrip(),
-             "topic_type_hash": connection.type_hash})
-        self._connections[name] = channel, connection
+        self._connections[name] = self._begin(Channel(
+            name, topic.type, CDR, definition(topic.type).encode(), MSG, qos_profiles(topic.qos),
+            type_hash(topic.type)))
         return name
 
+    def add_channel(self, channel: Channel) -> Channel:
+        """Begin a connection for a channel of another bag, unless it has one; for write()."""
+        self._check_open()
+        if channel not in self._connections:
+            self._connections[channel] = self._begin(channel)
+        return channel
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Add one of MCAP's metadata records."""
+        self._check_open()
+        self.flush()
+        self._writer.add_metadata(name, dict(content))
+
+    def _begin(self, channel: Channel) -> tuple[int, Connection]:
+        schema = channel.type, channel.definition, channel.definition_encoding
+        if not channel.type:
+            self._schemas[schema] = _NO_SCHEMA
+        elif schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(
+                channel.type, channel.definition_encoding, channel.definition)
+        number = self._writer.register_channel(
+            channel.topic, channel.encoding, self._schemas[schema],
+            {"offered_qos_profiles": channel.qos, "topic_type_hash": channel.type_hash})
+        return number, Connection(channel)
+
     def write(
-        self, name: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
+        self, name: str | Channel, data: bytes, log_time_ns: int,
+        publish_time_ns: int | None = None, sequence: int = 0
     ) -> None:
-        """Add one message, the CDR bytes ``data`` of the topic of this resolved ``name``.
+        """Add one message, the bytes ``data`` of what add_topic() or add_channel() returned.
 
         ``log_time_ns`` is when it was received and ``publish_time_ns`` when it was sent (by
         default the same), both in ns since the epoch; messages may come in any order of time.
@@ -106,12 +129,13 @@ class BagWriter:
         """
         self._check_open()
         if name not in self._connections:
-            raise BagError(f"topic {name} is not in bag {self.directory}, which has "
-                           f"{', '.join(self._connections) or 'none'}")
+            known = ", ".join(_topic(key) for key in self._connections)
+            raise BagError(f"topic {_topic(name)} is not in bag {self.directory}, which has "
+                           f"{known or 'none'}")
         sent_ns = log_time_ns if publish_time_ns is None else publish_time_ns
         for what, time_ns in (("log", log_time_ns), ("publish", sent_ns)):
             if not 0 <= time_ns <= _LAST_NS:
-                raise BagError(f"{what} time of a message on {name} is {time_ns} ns, "
+                raise BagError(f"{what} time of a message on {_topic(name)} is {time_ns} ns, "
                                f"but must be in [0, {_LAST_NS}] ns")
         size = len(data) + _RECORD_OVERHEAD
         if self._pending_bytes and self._pending_bytes + size > CHUNK_BYTES:
@@ -119,7 +143,7 @@ class BagWriter:
         if not self._pending_bytes:
             self._chunk_begun = monotonic()
         channel, connection = self._connections[name]
-        self._writer.add_message(channel, log_time_ns, data, sent_ns)
+        self._writer.add_message(channel, log_time_ns, data, sent_ns, sequence)
         self._pending_bytes += size
         connection.message_count += 1
         self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
@@ -172,3 +196,7 @@ class BagWriter:
     def _check_open(self) -> None:
         if self._stream.closed:
             raise BagError(f"bag {self.directory} is closed")
+
+
+def _topic(name: str | Channel) -> str:
+    return name if isinstance(name, str) else name.topic

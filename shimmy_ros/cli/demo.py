@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import signal
@@ -19,6 +20,7 @@ from ..gear.parameter_file import REFERENCE_GEAR, load_parameters
 from ..gear.parameters import ParameterError
 from ..resources import resource_directory
 from .options import Commands
+from .progress import INTERRUPTED
 from .runs import SYNTHETIC, Run, bundled_run, read_run, synthetic_run
 
 if TYPE_CHECKING:
@@ -70,7 +72,11 @@ def run(options: argparse.Namespace) -> int:
     # All of the damper at the start, so that the bag tells the whole story.
     play = Play(history.time, history.velocity,
                 {0.0: asdict(damper), _CHANGE_AT * history.time[-1]: _CHANGED_DAMPER})
-    options.out.mkdir(parents=True, exist_ok=True)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f"--out is {options.out}, but must be a directory or a name for one: "
+                             f"{error.strerror}") from error
     bag = options.out / history.name
     _remove_bag(bag)
     interrupted = False
@@ -81,8 +87,10 @@ def run(options: argparse.Namespace) -> int:
     except (NodeError, RuntimeError) as error:
         print(f"shimmy: {error}", file=sys.stderr)
         return 1
+    if interrupted and not bag.exists():
+        return INTERRUPTED
     _report(bag, options.out / f"{history.name}.png", history)
-    return 130 if interrupted else 0
+    return INTERRUPTED if interrupted else 0
 
 
 def _history(options: argparse.Namespace) -> Run:
@@ -91,7 +99,7 @@ def _history(options: argparse.Namespace) -> Run:
         history = synthetic_run()
     else:
         file = Path(name)
-        history = read_run(file if file.suffix else bundled_run(name))
+        history = read_run(file if file.suffix or file.exists() else bundled_run(name))
     start, end = options.start, options.end
     if name == DEFAULT_RUN and start is None and end is None:
         start, end = _DEFAULT_STRETCH_S
@@ -109,17 +117,21 @@ def _play(play: Play, gear_file: Path, bag: Path) -> None:
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.update(environment)
     common = ["-r", f"__ns:={NAMESPACE}", "--params-file", str(gear_file)]
-    nodes = {
-        "predictor": _start("predictor", common),
-        "simulator": _start("simulator", [*common, "-p", f"bag_directory:={bag}"]),
-    }
+    # A parameter's value is YAML, and so is a string of JSON, whatever the path looks like.
+    bag_directory = f"bag_directory:={json.dumps(str(bag))}"
+    arguments = {"predictor": common, "simulator": [*common, "-p", bag_directory]}
+    nodes: dict[str, subprocess.Popen[bytes]] = {}
 
     def alive() -> None:
         for name, process in nodes.items():
             if process.poll() is not None:
                 raise NodeError(f"the {name} ended with status {process.returncode}")
 
+    # Whoever ends the demo ends the nodes, which would run on otherwise.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
+        for name in arguments:
+            nodes[name] = _start(name, arguments[name])
         rig = Rig(NAMESPACE)
         try:
             rig.wait_for_nodes(alive)

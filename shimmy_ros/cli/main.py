@@ -6,11 +6,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from ..bag.errors import BagError
 from ..gear.parameters import ParameterError
-from . import demo, predict
+from . import demo, predict, replay, salvage
+from .progress import INTERRUPTED
 
+FAILED = 1
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -18,14 +20,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="shimmy", description="Limit cycles of landing-gear shimmy.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (predict, demo):
+    for module in (predict, replay, salvage, demo):
         module.add_command(commands)
     options = parser.parse_args(arguments)
     try:
         return int(options.run(options))
-    except ParameterError as error:
+    except (ParameterError, BagError) as error:
         print(f"shimmy: {error}", file=sys.stderr)
         return BAD_INPUT
+    except OSError as error:
+        print(f"shimmy: {error}", file=sys.stderr)
+        return FAILED
     except KeyboardInterrupt:
         return INTERRUPTED
 

@@ -24,14 +24,14 @@ class Run:
 
     def between(self, start: float, end: float) -> Run:
         """The part between two times [s], with its time from 0. Raises ParameterError."""
-        kept = [(t - start, v) for t, v in zip(self.time, self.velocity, strict=True)
+        kept = [(t, v) for t, v in zip(self.time, self.velocity, strict=True)
                 if start <= t <= end]
         if len(kept) < 2:
             raise ParameterError(
                 f"--from {start:g} --to {end:g} leaves no stretch of run {self.name}, which lasts "
                 f"from 0 to {self.time[-1]:g} s")
         times, velocities = zip(*kept, strict=True)
-        return Run(self.name, times, velocities)
+        return Run(self.name, tuple(t - times[0] for t in times), velocities)
 
 
 def bundled_run(name: str) -> Path:
@@ -48,13 +48,14 @@ def synthetic_run() -> Run:
 def read_run(file: Path) -> Run:
     """Read a CSV with the columns time_s and taxi_velocity_m_per_s. Raises ParameterError."""
     try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream)
+            rows = [(reader.line_num, row) for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ParameterError(f"run {file} cannot be read: {error}") from error
     times: list[float] = []
     velocities: list[float] = []
-    for number, row in enumerate(rows, start=2):
+    for number, row in rows:
         where = f"run {file}, line {number}: "
         time = _number(row, COLUMNS[0], where)
         if times and time <= times[-1]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
 from ..gear.prediction import NOT_ROLLING, Prediction
+from ..ihb.harmonics import Complex, Real, orders, to_complex
 from ..ihb.solution import LimitCycle, Outcome
 from .records import JOINTS, Level, LimitCycleAmplitude, LimitCycleOrbit, Status
 
@@ -44,9 +46,21 @@ def _orbit(cycle: LimitCycle | None, stamp_ns: int) -> LimitCycleOrbit:
     if cycle is None:
         none = np.zeros((0, len(JOINTS)))
         return LimitCycleOrbit(stamp_ns, np.zeros(0, dtype=np.int64), none, none)
-    time_s = np.linspace(0.0, cycle.period, ORBIT_INTERVALS + 1)
-    return LimitCycleOrbit(stamp_ns, np.rint(1e9 * time_s).astype(np.int64),
-                           cycle.position(time_s).T, cycle.velocity(time_s).T)
+    shares, waves = _sampling(cycle.harmonics)
+    x = to_complex(cycle.coefficients)
+    positions = (x @ waves).real
+    velocities = ((1j * cycle.frequency * orders(cycle.harmonics) * x) @ waves).real
+    times_ns = np.rint(1e9 * cycle.period * shares).astype(np.int64)
+    return LimitCycleOrbit(stamp_ns, times_ns, positions.T, velocities.T)
+
+
+@lru_cache(maxsize=8)
+def _sampling(harmonics: int) -> tuple[Real, Complex]:
+    """Shares of the period at which an orbit is sampled, and e^{i(2k-1) tau} there."""
+    shares = np.linspace(0.0, 1.0, ORBIT_INTERVALS + 1)
+    waves = np.exp(2j * np.pi * np.multiply.outer(orders(harmonics), shares))
+    waves[:, -1] = waves[:, 0]
+    return shares, waves
 
 
 def _status(prediction: Prediction, stamp_ns: int, hardware_id: str, solve_time_s: float

@@ -38,6 +38,7 @@ FRAME = "base_link"
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _NUMBER = struct.Struct("<4sd")
 _LENGTH = struct.Struct("<I")
+_PADDING = (b"", b"\0", b"\0\0", b"\0\0\0")
 _COUNT = len(JOINTS)
 _VALUES = f"{_COUNT}d"
 
@@ -169,11 +170,8 @@ def encode_statuses(records: Sequence[Status]) -> bytes:
 
 def _append_string(out: bytearray, text: str) -> None:
     data = text.encode()
-    _append_aligned(out, _LENGTH.pack(len(data) + 1))
-    out += data
-    out.append(0)
+    out += _PADDING[-len(out) % 4] + _LENGTH.pack(len(data) + 1) + data + b"\0"
 
 
 def _append_aligned(out: bytearray, data: bytes) -> None:
-    out += b"\0" * (-len(out) % 4)
-    out += data
+    out += _PADDING[-len(out) % 4] + data

@@ -60,7 +60,7 @@ def _line(axis: Axes, x: np.ndarray, y: np.ndarray, label: str) -> None:
 def _pair(axis: Axes, x: np.ndarray, y: np.ndarray, measured_x: np.ndarray,
           measured_y: np.ndarray, label: str) -> None:
     axis.plot(x, y, label="predicted (harmonic balance)", zorder=3, **_PREDICTED)
-    axis.plot(measured_x, measured_y, label="measured, cycle by cycle (simulator)", **_MEASURED)
+    axis.plot(measured_x, measured_y, label="measured, cycle by cycle", **_MEASURED)
     axis.set_ylabel(label)
 
 

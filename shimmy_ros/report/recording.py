@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..bag.reader import read_messages
 from ..contract.messages import CODECS
+from ..contract.records import LimitCycleOrbit
 from ..contract.spec import load_contract
 
 Array = NDArray[np.float64]
@@ -43,8 +44,8 @@ class Recording:
 class _Collected:
     velocity: list[tuple[int, float]] = field(default_factory=list)
     response: list[Any] = field(default_factory=list)
-    amplitudes: list[tuple[int, float]] = field(default_factory=list)
-    frequencies: list[float] = field(default_factory=list)
+    amplitudes: list[tuple[int, int, float]] = field(default_factory=list)
+    frequencies: dict[int, list[float]] = field(default_factory=dict)
     changes: list[tuple[int, str, float]] = field(default_factory=list)
     outcomes: dict[str, int] = field(default_factory=dict)
 
@@ -68,27 +69,43 @@ def read_recording(bag: Path, namespace: str) -> Recording:
         elif name == "gear_response":
             got.response.append(record)
         elif name == "limit_cycle/amplitude":
-            got.amplitudes.append((message.log_time_ns, record.position[swivel]))
-        elif name == "limit_cycle/frequency":
-            got.frequencies.append(record)
+            got.amplitudes.append(
+                (record.stamp_ns, message.log_time_ns, record.position[swivel]))
+        elif name == "limit_cycle/orbit":
+            got.frequencies.setdefault(record.stamp_ns, []).append(_frequency(record))
         elif name == "limit_cycle/status":
             outcome = record[0].values.get("outcome", "")
             got.outcomes[outcome] = got.outcomes.get(outcome, 0) + 1
         elif name in _DAMPER:
             got.changes.append((message.log_time_ns, name, record))
     start = got.velocity[0][0] if got.velocity else 0
-    answers = min(len(got.amplitudes), len(got.frequencies))
-    amplitudes = got.amplitudes[:answers]
+    answers = _paired(got.amplitudes, got.frequencies)
     return Recording(
         (_times([t for t, _ in got.velocity], start), np.array([v for _, v in got.velocity])),
         (_times([r.stamp_ns for r in got.response], start),
          np.array([r.position for r in got.response]).reshape(-1, len(contract.joints)),
          np.array([r.velocity for r in got.response]).reshape(-1, len(contract.joints))),
-        (_times([t for t, _ in amplitudes], start), np.array([a for _, a in amplitudes]),
-         np.array(got.frequencies[:answers])),
+        (_times([t for t, _, _ in answers], start), np.array([a for _, a, _ in answers]),
+         np.array([f for _, _, f in answers])),
         tuple((1e-9 * (t - start), name, value) for t, name, value in got.changes),
         got.outcomes,
         tuple(messages.damage))
+
+
+def _frequency(orbit: LimitCycleOrbit) -> float:
+    return 1e9 / float(orbit.times_ns[-1]) if len(orbit.times_ns) else np.nan
+
+
+def _paired(amplitudes: list[tuple[int, int, float]], frequencies: dict[int, list[float]]
+            ) -> list[tuple[int, float, float]]:
+    """Log time, amplitude and frequency of each answer, in order.
+
+    Amplitudes and orbits belong together by their stamps. Where several answers have the same
+    one, the last ones do: what a recorder misses of one topic it misses at the beginning.
+    """
+    paired = [(time_ns, amplitude, frequencies[stamp_ns].pop())
+              for stamp_ns, time_ns, amplitude in reversed(amplitudes) if frequencies.get(stamp_ns)]
+    return paired[::-1]
 
 
 def _times(stamps_ns: list[int], start_ns: int) -> Array:

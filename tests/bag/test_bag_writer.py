@@ -172,7 +172,8 @@ def test_times_in_any_order(tmp_path):
         name = bag.add_topic(CONTRACT.topic("taxi_velocity"), "/shimmy")
         for index, time in enumerate(times):
             bag.write(name, velocity(index), time)
-    assert [message.log_time_ns for message in read_messages(tmp_path / "run")] == times
+    read = [(message.log_time_ns, message.data) for message in read_messages(tmp_path / "run")]
+    assert read == [(times[index], velocity(index)) for index in (4, 1, 0, 2, 3)]
     with Reader(tmp_path / "run") as reader:
         assert (reader.start_time, reader.end_time - reader.start_time) == (1_000, 8_001)
         assert [time for _, time, _ in reader.messages()] == sorted(times)

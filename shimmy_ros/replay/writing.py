@@ -1,0 +1,49 @@
+"""The answers of a replay as the messages of a bag."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from ..bag.copying import copy_message
+from ..bag.writer import BagWriter
+from ..contract.answers import Record, answer
+from ..contract.messages import CODECS
+from ..contract.session import Session
+from ..contract.spec import load_contract
+from .replay import Inputs, Step
+
+
+class AnswerWriter:
+    """Writes what a live node would have published; ``outcomes`` counts the answers of each kind.
+
+    Log times are those of the messages that are answered, stamps those of the velocity samples.
+    The time that a solve took is not written: the same bag always gives the same bytes.
+    """
+
+    def __init__(self, bag: BagWriter, inputs: Inputs, session: Session, hardware_id: str,
+                 with_input: bool) -> None:
+        """``with_input`` also copies the messages themselves, but for those of older answers."""
+        self.outcomes: Counter[str] = Counter()
+        self._bag = bag
+        self._session = session
+        self._hardware_id = hardware_id
+        self._with_input = with_input
+        self._older = frozenset(inputs.answers)
+        self._names = {
+            topic.name: bag.add_topic(topic, inputs.namespace)
+            for topic in load_contract().published_by("predictor") if topic.recorded}
+
+    def write(self, step: Step) -> Mapping[str, Record] | None:
+        """Write a step and return the records of its answer, if it has one. Raises OSError."""
+        message, prediction = step
+        if self._with_input and message.topic not in self._older:
+            copy_message(message, self._bag)
+        sample = self._session.sample
+        if prediction is None or sample is None:
+            return None
+        self.outcomes[prediction.outcome] += 1
+        records = answer(prediction, sample.stamp_ns, self._hardware_id)
+        for name, record in records.items():
+            self._bag.write(self._names[name], CODECS[name].encode(record), message.log_time_ns)
+        return records

@@ -1,0 +1,68 @@
+"""Measured cycles beside the predictions in force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shimmy_ros.report.comparison import compare, summary
+from shimmy_ros.report.recording import read_recording
+
+
+@pytest.fixture
+def landing(made_up, tmp_path):
+    """The recording of a made-up landing."""
+    return read_recording(made_up.landing().write(tmp_path / "bag"), made_up.namespace)
+
+
+def test_cycles_are_measured_and_placed(landing):
+    found = compare(landing)
+    assert len(found.time) == pytest.approx(3.0 * 10.1, abs=2)
+    assert (np.diff(found.time) > 0.0).all()
+    np.testing.assert_allclose(found.amplitude, 0.098, rtol=1e-4)
+    np.testing.assert_allclose(found.frequency, 10.1, rtol=1e-4)
+    np.testing.assert_array_equal(found.predicted_amplitude, 0.1)
+    np.testing.assert_allclose(found.predicted_frequency, 10.0, rtol=1e-6)
+    # The velocity held since its last sample, at 10 Hz.
+    np.testing.assert_array_equal(found.velocity, 60.0 - np.floor(10.0 * found.time + 1e-9))
+
+
+def test_the_summary_names_range_and_differences(landing):
+    found = compare(landing)
+    line = summary(found, landing)
+    assert "\n" not in line
+    assert f"shimmy from {found.velocity.max():.1f} to {found.velocity.min():.1f} m/s" in line
+    assert f"{np.degrees(0.098):.1f} deg measured and {np.degrees(0.1):.1f} deg predicted" in line
+    assert "2.00 % in amplitude and 1.00 % in frequency" in line
+    assert "(50 predictions)" in line
+
+
+def test_before_the_first_answer_there_is_no_prediction(made_up, tmp_path):
+    run = made_up.Run()
+    run.velocity(0.0, 40.0)
+    run.swivel(np.arange(0.0, 2.0, 0.002), 0.1, 10.0)
+    run.answer(1.0, 0.1, 10.0)
+    found = compare(read_recording(run.write(tmp_path / "bag"), made_up.namespace))
+    before = found.time < 1.0
+    assert before.any()
+    assert np.isnan(found.predicted_amplitude[before]).all()
+    assert (found.predicted_amplitude[~before] == 0.1).all()
+
+
+def test_a_run_without_shimmy(made_up, tmp_path):
+    run = made_up.Run()
+    run.velocity(0.0, 40.0)
+    run.answer(0.1, 0.0, np.nan)
+    run.swivel(np.arange(0.0, 1.0, 0.002), 1e-4, 10.0)  # too small to be one
+    recording = read_recording(run.write(tmp_path / "bag"), made_up.namespace)
+    found = compare(recording)
+    assert found.time.size == 0
+    assert summary(found, recording) == (
+        "1 predictions, 0 measured cycles, none of them where a limit cycle was predicted")
+
+
+def test_an_empty_run(made_up, tmp_path):
+    recording = read_recording(made_up.Run().write(tmp_path / "bag"), made_up.namespace)
+    found = compare(recording)
+    assert all(getattr(found, name).size == 0 for name in ("time", "amplitude", "velocity"))
+    assert summary(found, recording).startswith("0 predictions, 0 measured cycles")
