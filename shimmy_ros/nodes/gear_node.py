@@ -8,7 +8,9 @@ import traceback
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -62,6 +64,9 @@ class GearNode(LifecycleNode):
             raise ParameterError("parameter hardware_id is '', but must not be empty")
         self._autostart = declare_setting(
             self, "autostart", True, "configure and activate at the start")
+        self._refuse_impossible_transitions()
+        self._finalized = False
+        self._failed = False
         self.active = False
         self.velocity: TaxiVelocity | None = None
         self._velocity_received_ns = 0
@@ -97,10 +102,12 @@ class GearNode(LifecycleNode):
 
     def open(self) -> None:
         """Create what the node needs; inputs are heard from now on, answers gated."""
-        self._diagnostics_publisher = publisher(self, "/diagnostics")
+        self._diagnostics_publisher = publisher(self, "/diagnostics", gated=False)
         for topic in load_contract().subscribed_by(self._party):
             self._inputs.append(subscription(self, topic, self._input(topic.name)))
-        self._diagnostics_timer = self.create_timer(_DIAGNOSTICS_PERIOD_S, self._diagnose)
+        # The node reports while simulated time stands still, too.
+        self._diagnostics_timer = self.create_timer(
+            _DIAGNOSTICS_PERIOD_S, self._diagnose, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def begin(self) -> None:
         """Begin to answer."""
@@ -119,7 +126,7 @@ class GearNode(LifecycleNode):
             self.destroy_timer(self._diagnostics_timer)
             self._diagnostics_timer = None
         if self._diagnostics_publisher is not None:
-            self.destroy_lifecycle_publisher(self._diagnostics_publisher)
+            self.destroy_publisher(self._diagnostics_publisher)
             self._diagnostics_publisher = None
 
     # --- lifecycle ------------------------------------------------------------------------
@@ -136,9 +143,16 @@ class GearNode(LifecycleNode):
         return not self._autostart or (
             self.trigger_configure() == success and self.trigger_activate() == success)
 
-    def stop(self) -> None:
-        """Finalise, from whatever state the node is in."""
-        self.trigger_shutdown()
+    def stop(self) -> bool:
+        """Finalise, from whatever state the node is in; False where something has failed."""
+        if not self._finalized:
+            self.trigger_shutdown()
+        return not self._failed
+
+    def fail(self, sentence: str) -> None:
+        """Say what has failed; the node goes on, but its process ends with a status of failure."""
+        self._failed = True
+        self.get_logger().fatal(sentence)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """See open()."""
@@ -161,11 +175,18 @@ class GearNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """See end() and close()."""
+        self._finalized = True
         return self._transition("shut down", self.end, self.close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Back to unconfigured after a transition that failed."""
         return self._transition("recover", self.end, self.close)
+
+    def _refuse_impossible_transitions(self) -> None:
+        # rclpy lets the error of a transition that the present state does not have end the process.
+        for service in self.services:
+            if service.srv_type is ChangeState:
+                service.callback = _guarded(service.callback, self.get_logger())
 
     def _transition(self, name: str, *actions: Callable[[], None]) -> TransitionCallbackReturn:
         # rclpy drops an exception of a transition without a word.
@@ -173,7 +194,7 @@ class GearNode(LifecycleNode):
             for action in actions:
                 action()
         except Exception as error:
-            self.get_logger().fatal(f"could not {name}: {error}")
+            self.fail(f"could not {name}: {error}")
             self.get_logger().debug(traceback.format_exc())
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
@@ -281,3 +302,15 @@ class GearNode(LifecycleNode):
             return Level.OK, "taxi velocity is coming in", values
         return (max(level for level, _ in problems), "; ".join(text for _, text in problems),
                 values)
+
+
+def _guarded(change_state: Callable[[Any, Any], Any], logger: Any) -> Callable[[Any, Any], Any]:
+    def change(request: Any, response: Any) -> Any:
+        try:
+            return change_state(request, response)
+        except RuntimeError as error:
+            logger.warning(f"refused a transition: {error}")
+            response.success = False
+            return response
+
+    return change

@@ -32,11 +32,14 @@ def qos_profile(qos: QoS) -> QoSProfile:
     )
 
 
-def publisher(node: LifecycleNode, topic_name: str) -> Any:
-    """A lifecycle publisher of a topic of the contract; it takes bytes."""
+def publisher(node: LifecycleNode, topic_name: str, gated: bool = True) -> Any:
+    """A publisher of a topic of the contract; it takes bytes.
+
+    A ``gated`` one is silent while the node is not active.
+    """
     topic = load_contract().topic(topic_name)
-    return node.create_lifecycle_publisher(
-        message_class(topic.type), topic.name, qos_profile(topic.qos))
+    create = node.create_lifecycle_publisher if gated else node.create_publisher
+    return create(message_class(topic.type), topic.name, qos_profile(topic.qos))
 
 
 def subscription(node: LifecycleNode, topic: Topic, callback: Callable[[bytes], None],

@@ -48,6 +48,11 @@ def declare_setting(node: Node, name: str, default: bool | str, description: str
 def declare_gear_and_damper(node: Node) -> tuple[Gear, Damper]:
     """Declare ``gear.*`` and ``damper.*``, by default the reference gear. Raises ParameterError."""
     gear, damper = reference_parameters()
+    known = {f"{kind.__name__.lower()}.{name}" for kind in (Gear, Damper) for name in ranges(kind)}
+    for name in node._parameter_overrides:
+        if name.startswith(("gear.", "damper.")) and name not in known:
+            raise ParameterError(f"parameter {name} is unknown, but must be one of "
+                                 f"{', '.join(sorted(known))}")
     return _declare_group(node, gear), _declare_group(node, damper)
 
 

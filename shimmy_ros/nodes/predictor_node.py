@@ -11,6 +11,7 @@ from ..contract.answers import answer
 from ..contract.messages import CODECS
 from ..contract.records import Level, TaxiVelocity
 from ..contract.session import UNSTAMPED, Session
+from ..gear.parameter_file import reference_parameters
 from ..gear.prediction import (
     DEFAULT_HARMONICS,
     HARMONICS_RANGE,
@@ -18,12 +19,14 @@ from ..gear.prediction import (
     Predictor,
     check_harmonics,
 )
+from ..gear.system import OperatingPoint
 from .gear_node import GearNode
 from .interface import publisher
 from .parameters import declare_count
 
 _TOPICS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
            "limit_cycle/status")
+_WARM_UP_VELOCITIES = (40.0, 41.0)
 
 
 class PredictorNode(GearNode):
@@ -42,7 +45,8 @@ class PredictorNode(GearNode):
         self._change_pending = False
 
     def open(self) -> None:
-        """Create the answers' publishers as well."""
+        """Create the answers' publishers as well, once the solver is ready."""
+        self._warm_up()
         self._answer_publishers = {name: publisher(self, name) for name in _TOPICS}
         super().open()
 
@@ -99,6 +103,14 @@ class PredictorNode(GearNode):
         values["solve_time"] = repr(solve_time)
         level = Level.ERROR if prediction.failed else Level.OK
         return [("solver", level, prediction.message, values)]
+
+    def _warm_up(self) -> None:
+        # The first solves after an installation compile the solver, cold and warm, for some
+        # seconds. Whoever waits for the inputs to be heard need not wait for the answer then.
+        predictor = Predictor()
+        gear, damper = reference_parameters()
+        for velocity in _WARM_UP_VELOCITIES:
+            predictor.predict(OperatingPoint(gear, damper, velocity))
 
     def _answer_change(self) -> None:
         if self._change_pending:

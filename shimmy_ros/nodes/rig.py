@@ -22,7 +22,8 @@ _RESPONSE = "gear_response"
 _QUIET_RAD = 2e-3
 _QUIET_S = 1.0
 _KICK_PERIOD_S = 4.0
-_JOIN_TIMEOUT_S = 20.0
+# The predictor compiles its solver before it listens, once after an installation.
+_JOIN_TIMEOUT_S = 180.0
 
 
 class RigError(RuntimeError):

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from ..bag.writer import BagWriter
 from ..contract.messages import CODECS
 from ..contract.records import GearResponse, Level, TaxiVelocity
 from ..contract.spec import load_contract
 from ..gear.parameters import Range
+from ..gear.samples import Samples
 from ..gear.simulation import KICK_RANGE, Simulation, SimulationError
 from .gear_node import GearNode
 from .interface import publisher, subscription
 from .parameters import declare_number, declare_setting
+from .recorder import Recorder
 
 _RESPONSE = "gear_response"
 _RATE_RANGE = Range("Hz", "samples of gear_response a second", 1.0, 5000.0)
@@ -42,12 +42,11 @@ class SimulatorNode(GearNode):
         self._rate = declare_number(self, "publish_rate", _DEFAULT_RATE_HZ, _RATE_RANGE)
         self._kick = declare_number(self, "kick_swivel_rate", _DEFAULT_KICK, KICK_RANGE)
         self._record = declare_setting(self, "record", True, "write a bag of each run")
-        self._bag_path = declare_setting(
-            self, "bag_directory", "", "directory of the bag; it must not exist. Empty: a name with the "
-            "time of the start, in the working directory")
-        self._simulation = Simulation(self.gear, self.damper,
-                                      minimum_velocity=self.minimum_velocity)
-        self._bag: BagWriter | None = None
+        directory = declare_setting(
+            self, "bag_directory", "", "directory of the bag, which must not exist; later runs add "
+            "+2, +3 ... to it. Empty: named by the time of the start, in the working directory")
+        self._recorder = Recorder(directory, self.get_namespace(), self.fail)
+        self._simulation = self._new_simulation(0.0)
         self._handles: list[Any] = []
         self._timers_of_run: list[Any] = []
         self._response_publisher: Any = None
@@ -69,18 +68,19 @@ class SimulatorNode(GearNode):
         for topic in contract.recorded:
             if topic.name != _RESPONSE:
                 self._handles.append(subscription(
-                    self, topic, self._recorder(topic.name), _RECORDER_DEPTH))
+                    self, topic, self._recording(topic.name), _RECORDER_DEPTH))
 
     def begin(self) -> None:
         """Begin a run, and its bag: the gear at rest, at the last velocity heard."""
-        velocity = 0.0 if self.velocity is None else self.velocity.velocity
-        self._simulation = Simulation(self.gear, self.damper, velocity,
-                                      minimum_velocity=self.minimum_velocity)
+        self._simulation = self._new_simulation(
+            0.0 if self.velocity is None else self.velocity.velocity)
         self._begun_ns, self._sample = 0, 0
+        self._rate = self.get_parameter("publish_rate").value
         if self._record:
-            self._bag = self._new_bag()
-            self.get_logger().info(f"recording to {self._bag.directory}")
-            self._timers_of_run.append(self.create_timer(_FLUSH_PERIOD_S, self._bag.flush_if_due))
+            directory = self._recorder.begin(self._settings())
+            self.get_logger().info(f"recording to {directory}")
+            self._timers_of_run.append(self.create_timer(
+                _FLUSH_PERIOD_S, self._recorder.flush, clock=Clock(clock_type=ClockType.STEADY_TIME)))
         self._timers_of_run.append(self.create_timer(1.0 / self._rate, self._advance))
         super().begin()
 
@@ -90,10 +90,9 @@ class SimulatorNode(GearNode):
         for timer in self._timers_of_run:
             self.destroy_timer(timer)
         self._timers_of_run.clear()
-        if self._bag is not None:
-            bag, self._bag = self._bag, None
-            bag.close()
-            self.get_logger().info(f"closed {bag.directory}")
+        directory = self._recorder.end()
+        if directory is not None:
+            self.get_logger().info(f"closed {directory}")
 
     def close(self) -> None:
         """Give back what open() made."""
@@ -116,12 +115,11 @@ class SimulatorNode(GearNode):
         self._simulation.set_velocity(sample.velocity)
 
     def on_change(self) -> None:
-        """Go on with the new gear and damper from now on."""
+        """Go on with gear, damper and minimum velocity as they are from now on."""
         self._advance()
-        if self.gear != self._simulation.gear:
-            self._simulation.set_gear(self.gear)
-        if self.damper != self._simulation.damper:
-            self._simulation.set_damper(self.damper)
+        before = self._simulation
+        self._simulation = self._new_simulation(before.taxi_velocity, before.time)
+        self._simulation.set_state(before.state)
 
     def check_parameter(self, parameter: Parameter) -> None:
         """The kick has to be in its range, the publishing rate as well."""
@@ -131,11 +129,9 @@ class SimulatorNode(GearNode):
             _RATE_RANGE.check(parameter.name, parameter.value)
 
     def apply_parameter(self, parameter: Parameter) -> None:
-        """The kick's new size counts from the next kick, the rate from the next run."""
+        """The kick's new size counts from the next kick; a rate counts from the next run."""
         if parameter.name == "kick_swivel_rate":
             self._kick = parameter.value
-        elif parameter.name == "publish_rate":
-            self._rate = parameter.value
 
     def _on_kick(self, request: Any, response: Any) -> Any:
         response.success = self.active
@@ -166,15 +162,13 @@ class SimulatorNode(GearNode):
                 f"the clock jumped by {lag_s:.3f} s; the simulation goes on from there")
             return
         until = self._simulation.time + min(lag_s, _LONGEST_ADVANCE_S)
-        if until <= self._simulation.time:
+        if until < self._simulation.time:
             return
         last = int(until * self._rate)
+        if last / self._rate > until:
+            last -= 1  # rounding
         numbers = range(self._sample, last + 1)
-        try:
-            samples = self._simulation.advance(until, [n / self._rate for n in numbers])
-        except SimulationError as error:
-            self._reset(error)
-            return
+        samples = self._integrate(until, [number / self._rate for number in numbers])
         rows = zip(numbers, samples.position.tolist(), samples.velocity.tolist(),
                    samples.effort.tolist(), strict=True)
         for number, position, velocity, effort in rows:
@@ -182,43 +176,37 @@ class SimulatorNode(GearNode):
             data = CODECS[_RESPONSE].encode(
                 GearResponse(stamp_ns, tuple(position), tuple(velocity), tuple(effort)))
             self._response_publisher.publish(data)
-            if self._bag is not None:
-                self._bag.write(self._name_in_bag(_RESPONSE), data, stamp_ns)
+            self._recorder.write(_RESPONSE, data, stamp_ns)
         self._published += len(numbers)
         self._sample = last + 1
 
-    def _reset(self, error: SimulationError) -> None:
-        self._resets += 1
-        self.get_logger().error(f"{error}; the gear is put to rest")
-        self._simulation.set_state([0.0] * 8)
+    def _integrate(self, until: float, times: list[float]) -> Samples:
+        """The motion at ``times``; a gear that leaves the model's range rests from now on."""
+        begin = self._simulation.time
+        try:
+            return self._simulation.advance(until, times)
+        except SimulationError as error:
+            self._resets += 1
+            self.get_logger().error(f"{error}; the gear is put to rest")
+            self._simulation = self._new_simulation(self._simulation.taxi_velocity, begin)
+            return self._simulation.advance(until, times)
+
+    def _new_simulation(self, taxi_velocity: float, time: float = 0.0) -> Simulation:
+        """The gear at rest at ``time`` [s] of the run."""
+        return Simulation(self.gear, self.damper, taxi_velocity,
+                          minimum_velocity=self.minimum_velocity, start_time=time)
 
     # --- the bag --------------------------------------------------------------------------
-
-    def _new_bag(self) -> BagWriter:
-        path = Path(self._bag_path or time.strftime("shimmy_%Y_%m_%d-%H_%M_%S"))
-        number = 1
-        while path.exists() and not self._bag_path:
-            number += 1
-            path = path.with_name(f"{path.name.rsplit('+')[0]}+{number}")
-        bag = BagWriter(path, self._settings())
-        for topic in load_contract().recorded:
-            bag.add_topic(topic, self.get_namespace())
-        return bag
 
     def _settings(self) -> dict[str, str]:
         return {name: repr(parameter.value)
                 for name, parameter in self.get_parameters_by_prefix("").items()}
 
-    def _recorder(self, topic: str) -> Callable[[bytes], None]:
+    def _recording(self, topic: str) -> Callable[[bytes], None]:
         def record(data: bytes) -> None:
-            if self._bag is not None:
-                self._bag.write(self._name_in_bag(topic), data,
-                                self.get_clock().now().nanoseconds)
+            self._recorder.write(topic, data, self.get_clock().now().nanoseconds)
 
         return record
-
-    def _name_in_bag(self, topic: str) -> str:
-        return load_contract().topic(topic).resolved(self.get_namespace())
 
     # --- diagnostics ----------------------------------------------------------------------
 
@@ -237,7 +225,14 @@ class SimulatorNode(GearNode):
                                 f"{self.minimum_velocity:g} m/s")
         else:
             motion = Level.OK, f"rolling at {simulation.taxi_velocity:g} m/s"
-        bag = "" if self._bag is None else str(self._bag.directory)
-        recording = f"recording to {bag}" if bag else "not recording"
-        return [("motion", *motion, values),
-                ("bag", Level.OK, recording, {"directory": bag})]
+        return [("motion", *motion, values), ("bag", *self._bag_status())]
+
+    def _bag_status(self) -> tuple[Level, str, dict[str, str]]:
+        directory = self._recorder.directory
+        values = {"directory": str(directory or "")}
+        values |= {topic: str(count) for topic, count in self._recorder.counts.items()}
+        if self._recorder.failure:
+            return Level.ERROR, self._recorder.failure, values
+        if directory is None:
+            return Level.OK, "not recording", values
+        return Level.OK, f"recording to {directory}", values
