@@ -30,6 +30,10 @@ class ContinuationError(ArithmeticError):
     """The branch could not be followed any further; the sentence says where and why."""
 
 
+class _LostError(ArithmeticError):
+    """Newton's method leads to no cycle."""
+
+
 @dataclass(frozen=True)
 class BranchPoint:
     """A cycle at a parameter value; ``fold`` tells whether the branch turns round there.
@@ -78,7 +82,8 @@ def continue_branch(system: Callable[[float], System], start: Cycle, parameter: 
                     direction: int, scale: float,
                     bounds: tuple[float, float] = (-np.inf, np.inf),
                     first_step: float = 0.02, largest_step: float = 0.1,
-                    tolerance: float = TOLERANCE) -> Iterator[BranchPoint]:
+                    tolerance: float = TOLERANCE, locate_folds: bool = True
+                    ) -> Iterator[BranchPoint]:
     """The branch of cycles of ``system(value)`` through ``start``, which is that at ``parameter``.
 
     Parameters
@@ -88,6 +93,7 @@ def continue_branch(system: Callable[[float], System], start: Cycle, parameter: 
     scale : a change of the parameter that counts as much as a change of every amplitude by 100 %
     bounds : the branch ends where it reaches either value, with a point exactly there
     first_step, largest_step : arc length of a step in these scaled variables
+    locate_folds : without, the branch passes its folds unmarked, which saves ten points each
 
     Yields the start, then the points in order, folds among them. A step that would turn the
     tangent sharply or shrink the motion to a fraction is refused and halved: neither a jump to
@@ -109,25 +115,33 @@ def continue_branch(system: Callable[[float], System], start: Cycle, parameter: 
         swing = max(swing, here.size[family.section])
         if here.size[family.section] < _NOTHING * swing:
             return
-        there, at_bound = _next(family, here, step)
-        while there is None:
+        following = _next(family, here, step, locate_folds)
+        while following is None:
             step *= 0.5
             if step < _SMALLEST_STEP:
                 raise ContinuationError("the branch cannot be followed beyond "
                                         f"{here.unknowns[-1]:g}")
-            there, at_bound = _next(family, here, step)
-        if here.tangent[-1] * there.tangent[-1] < 0.0:
-            yield _branch_point(family, _fold(family, here, there), fold=True)
-        yield _branch_point(family, there)
-        if at_bound:
+            following = _next(family, here, step, locate_folds)
+        if following.fold is not None:
+            yield _branch_point(family, following.fold, fold=True)
+        here = following.point
+        yield _branch_point(family, here)
+        if following.last:
             return
-        if there.iterations <= _FEW_ITERATIONS:
+        if here.iterations <= _FEW_ITERATIONS:
             step = min(step * _GROWTH, largest_step)
-        here = there
 
 
-def _next(family: _Family, here: _Point, step: float) -> tuple[_Point | None, bool]:
-    """The next point, or None if this is none of the same branch, and whether it is the last."""
+class _Step(NamedTuple):
+    """A step: the fold that it passes, if that is asked for, its end, and whether that is all."""
+
+    fold: _Point | None
+    point: _Point
+    last: bool
+
+
+def _next(family: _Family, here: _Point, step: float, locate_folds: bool) -> _Step | None:
+    """The next step, or None where its end is not certain to be of the same branch."""
     predicted = here.unknowns + step * here.tangent * here.size
     within = min(max(predicted[-1], family.bounds[0]), family.bounds[1])
     at_bound = bool(within != predicted[-1])
@@ -140,12 +154,20 @@ def _next(family: _Family, here: _Point, step: float) -> tuple[_Point | None, bo
         condition = _Condition(here.tangent / here.size, predicted)
     there = _converged(family, predicted, condition, here.tangent * here.size)
     if there is None:
-        return None, False
+        return None
     turn = float(here.tangent @ (there.tangent * there.size / here.size))
     turn /= float(np.linalg.norm(there.tangent * there.size / here.size))
     shrunk = there.size[family.section] < _LARGEST_SHRINKAGE * here.size[family.section]
     beyond = not family.bounds[0] <= there.unknowns[-1] <= family.bounds[1]
-    return (None if turn < _STEEPEST_TURN or shrunk or beyond else there), at_bound
+    turned = here.tangent[-1] * there.tangent[-1] < 0.0
+    # A parameter that goes against the tangents at both ends has passed two folds.
+    progress = (there.unknowns[-1] - here.unknowns[-1]) * here.tangent[-1]
+    if turn < _STEEPEST_TURN or shrunk or beyond or (progress < 0.0 and not turned):
+        return None
+    if not (turned and locate_folds):
+        return _Step(None, there, at_bound)
+    fold = _fold(family, here, there)
+    return None if fold is None else _Step(fold, there, at_bound)
 
 
 class _Condition(NamedTuple):
@@ -195,21 +217,33 @@ def _tangent(shot: Shot, size: Real, heading: Real) -> Real:
     return np.asarray(null if null @ (heading / size) > 0.0 else -null)
 
 
-def _fold(family: _Family, here: _Point, there: _Point) -> _Point:
-    """The point between two where the parameter's share of the tangent is zero."""
+def _fold(family: _Family, here: _Point, there: _Point) -> _Point | None:
+    """The point between two where the parameter's share of the tangent is zero.
+
+    None where Newton's method fails in between, since another fold is near.
+    """
     row = here.tangent / here.size
-    found: list[_Point] = []
+    found = {0.0: here, 1.0: there}
 
     def slope(share: float) -> float:
-        guess = here.unknowns + share * (there.unknowns - here.unknowns)
-        point = _converged(family, guess, _Condition(row, guess), here.tangent * here.size)
-        if point is None:
-            raise ContinuationError(f"the fold near {here.unknowns[-1]:g} could not be located")
-        found.append(point)
-        return float(point.tangent[-1])
+        if share not in found:
+            before = max(place for place in found if place < share)
+            after = min(place for place in found if place > share)
+            part = (share - before) / (after - before)
+            start = found[before].unknowns
+            guess = start + part * (found[after].unknowns - start)
+            plane = _Condition(row, here.unknowns + share * (there.unknowns - here.unknowns))
+            point = _converged(family, guess, plane, here.tangent * here.size)
+            if point is None:
+                raise _LostError
+            found[share] = point
+        return float(found[share].tangent[-1])
 
-    brentq(slope, 0.0, 1.0, xtol=_FOLD_ACCURACY, rtol=_FOLD_ACCURACY)
-    return min(found, key=lambda point: abs(point.tangent[-1]))
+    try:
+        brentq(slope, 0.0, 1.0, xtol=_FOLD_ACCURACY, rtol=_FOLD_ACCURACY)
+    except _LostError:
+        return None
+    return min(found.values(), key=lambda point: abs(point.tangent[-1]))
 
 
 def _branch_point(family: _Family, point: _Point, fold: bool = False) -> BranchPoint:

@@ -154,10 +154,11 @@ class _Flow:
         series[:, :, size:] = 0.0
         share = np.full(len(rows), 2.0)
         share[0] = 1.0
+        rates = self.mode_rates.get(mode.signs)
+        # Drag that is zero here may still change with the parameter.
         squares = [(size + number, velocity, mode.signs[number] * share)
                    for number, velocity in enumerate(self.velocities)
-                   if self.model.drag[number] != 0.0]
-        rates = self.mode_rates.get(mode.signs)
+                   if self.model.drag[number] != 0.0 or rates is not None]
         for order in range(ORDER):
             now = series[order]
             for place, velocity, weight in squares:
