@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 import rclpy
@@ -47,10 +48,8 @@ def main() -> int:
 
     node.create_subscription(TwistStamped, "taxi_velocity", answer,
                              qos_profile(contract.topic("taxi_velocity").qos))
-    try:
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
     return 0
 
 

@@ -202,7 +202,7 @@ def grid_figures(cores: int) -> Iterator[tuple[str, Spread, str]]:
         if not (predict_grid(points, HARMONICS, threads=threads).outcome == "limit_cycle").all():
             raise RuntimeError("a point of the grid has no answer")
 
-    found, one, many = ratio((lambda: solve(1), 1), (lambda: solve(cores), 1), 5)
+    found, one, _ = ratio((lambda: solve(1), 1), (lambda: solve(cores), 1), 5)
     rate = Spread(10000 / one.median, 10000 / one.max, 10000 / one.min)
     yield "grid_points_per_second_per_core", rate, "one thread"
     yield "grid_speed_up", found, f"on {cores} cores"

@@ -40,7 +40,7 @@ class Powers(NamedTuple):
 
 def energy(gear: Gear, state: Values) -> Values:
     """Kinetic and strain energy [J], shape (m,), of states (m, 8)."""
-    return 0.5 * np.square(state @ energy_factor(gear).T).sum(axis=-1)
+    return np.asarray(0.5 * np.square(state @ energy_factor(gear).T).sum(axis=-1))
 
 
 def powers(gear: Gear, damper: Damper, velocity: float, state: Values) -> Powers:

@@ -58,7 +58,7 @@ class Model:
     @cached_property
     def mobility(self) -> Real:
         """The inverse of the mass matrix, shape (n, n)."""
-        return np.linalg.inv(self.mass)
+        return np.asarray(np.linalg.inv(self.mass), dtype=np.float64)
 
     @property
     def frictional(self) -> tuple[int, ...]:
