@@ -14,6 +14,7 @@ from .parameters import (
     ParameterError,
     Range,
 )
+from .settling import confirmed
 from .system import OperatingPoint, family_between, gear_system
 
 DEFAULT_HARMONICS = 4
@@ -28,7 +29,8 @@ class Prediction:
     """The answer for one operating point.
 
     ``outcome`` is an ihb Outcome's value, or NOT_ROLLING below the minimum velocity, where there
-    is no answer to give.
+    is no answer to give. ``harmonics`` are those asked for; a ``limit_cycle`` from shooting, where
+    they do not suffice, has more.
     """
 
     point: OperatingPoint
@@ -50,7 +52,8 @@ class Predictor:
     """Predicts points one after the other; a limit cycle found is the next one's start.
 
     The answer for a point depends on the points before it only through rounding: where a warm
-    start does not lead to a limit cycle, a cold one decides.
+    start does not lead to a limit cycle, a cold one decides; and a simulation, where neither finds
+    one although friction and damper could limit it.
     """
 
     def __init__(self, harmonics: int = DEFAULT_HARMONICS,
@@ -82,6 +85,10 @@ class Predictor:
                 f"not rolling: taxi velocity {point.velocity:g} m/s is below the minimum of "
                 f"{self.minimum_velocity:g} m/s, where the rolling law does not hold")
         result = self._solve(point)
+        damper = point.damper
+        if result.limit_cycle is None and damper.coulomb_torque > 0.0 and (
+                damper.quadratic_damping > 0.0):
+            result = confirmed(point, result)
         self._last = None if result.limit_cycle is None else (point, result.limit_cycle)
         return Prediction(point, self.harmonics, result.outcome.value, result.limit_cycle,
                           result.iterations, result.residual, result.warm, result.message)

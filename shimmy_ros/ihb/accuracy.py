@@ -5,7 +5,8 @@ padded with zeros, gives nearly all of the difference. The error has a part that
 and, from the friction's jumps, one that falls as 1/N, and the two may have opposite signs. With
 steps to 2N and to 4N harmonics |x_N - x_4N| + |x_2N - x_4N| holds for both: its second term is
 what 4N harmonics still lack, if that falls as 1/N. The estimate is twice that, for the safety that
-a single step and few harmonics ask for.
+a single step and few harmonics ask for. A coordinate that hardly moves the others may lack more:
+its own harmonics beyond, taken to fall as the square of their order, may all meet at its peak.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from .balance import balance, recovered
 from .describing_function import reference_coordinate
-from .harmonics import Real, peaks, with_harmonics
+from .harmonics import Real, orders, peaks, to_complex, with_harmonics
 from .newton import Phase, Point, jacobian, moved, phase_of, scales, unknowns
 from .solution import LimitCycle, Outcome, Result
 from .solve import placed, solve_cold, solve_warm
@@ -54,7 +55,7 @@ def estimate_error(system: System, cycle: LimitCycle) -> ErrorEstimate:
     amplitude = np.abs(cycle.amplitude() - best) + np.abs(finer.amplitude() - best)
     frequency = (abs(cycle.frequency - finest.frequency)
                  + abs(finer.frequency - finest.frequency))
-    return ErrorEstimate(_SAFETY * amplitude / scale + _ROUNDING,
+    return ErrorEstimate((_SAFETY * amplitude + _tail(finest)) / scale + _ROUNDING,
                          _SAFETY * frequency / finest.frequency + _ROUNDING)
 
 
@@ -83,6 +84,17 @@ def solve_to_accuracy(system: System, accuracy: float, start: LimitCycle | None 
         result = replace(finer, iterations=result.iterations + finer.iterations,
                          warm=start is not None)
     return result, None
+
+
+def _tail(cycle: LimitCycle) -> Real:
+    """The sum of all harmonics beyond those of ``cycle``, shape (n,), as its last fourth has it.
+
+    Harmonics that fall as a / order^2 leave a / (2 order) beyond the last.
+    """
+    order = orders(cycle.harmonics)
+    last = slice(3 * cycle.harmonics // 4, None)
+    falling = np.abs(to_complex(cycle.coefficients)[:, last]) * order[last] ** 2
+    return np.asarray(falling.max(axis=1) / (2.0 * order[-1]))
 
 
 def _refined(system: System, cycle: LimitCycle, factor: int) -> LimitCycle | None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from .modes import Mode, Model, Real, Signs, derivative, extended, mode_of, signs_at
 from .polynomial import first_descent
+from .series import extend
 from .trajectory import Piece, Trajectory
 
 ORDER = 30
@@ -97,6 +98,7 @@ class _Flow:
         self.model, self.rate = model, rate
         self.size = 2 * model.dofs
         self.velocities = [model.dofs + dof for dof in model.active]
+        self._velocities = np.array(self.velocities, dtype=np.int64)
         self.modes: dict[Signs, Mode] = {}
         self.mode_rates: dict[Signs, tuple[Real, Real]] = {}
 
@@ -147,32 +149,16 @@ class _Flow:
 
     def _series(self, rows: Real, mode: Mode, unit: float) -> Real:
         """Coefficients (p + 1, r, 2n + m) of the rows and of w and its derivatives."""
-        size = self.size
-        series = np.empty((ORDER + 1, len(rows), size + len(self.velocities)))
-        series[0, :, :size] = rows
-        matrix, constant = unit * mode.matrix, unit * mode.constant
-        series[:, :, size:] = 0.0
-        share = np.full(len(rows), 2.0)
-        share[0] = 1.0
+        series = np.empty((ORDER + 1, len(rows), self.size + len(self.velocities)))
+        series[0, :, :self.size] = rows
         rates = self.mode_rates.get(mode.signs)
         # Drag that is zero here may still change with the parameter.
-        squares = [(size + number, velocity, mode.signs[number] * share)
-                   for number, velocity in enumerate(self.velocities)
-                   if self.model.drag[number] != 0.0 or rates is not None]
-        for order in range(ORDER):
-            now = series[order]
-            for place, velocity, weight in squares:
-                # Cauchy's product of the velocity with itself, and with its derivatives.
-                now[:, place] = weight * (
-                    series[:order + 1, 0, velocity] @ series[order::-1, :, velocity])
-            following = now @ matrix
-            if rates is not None:
-                following[-1] += now[0] @ rates[0] * unit
-            if order == 0:
-                following[0] += constant
-                if rates is not None:
-                    following[-1] += rates[1] * unit
-            np.divide(following, order + 1, out=series[order + 1, :, :size])
+        drags = (self.model.drag != 0.0) | (rates is not None)
+        matrix, constant = unit * mode.matrix, unit * mode.constant
+        by_matrix, by_constant = (
+            (matrix, constant) if rates is None else (unit * rates[0], unit * rates[1]))
+        extend(series, matrix, constant, self._velocities, np.where(drags, mode.signs, 0.0),
+               by_matrix, by_constant, rates is not None)
         return series
 
     def _event(self, series: Real, signs: Signs, length: float,
