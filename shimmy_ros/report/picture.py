@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,10 @@ from .recording import Recording
 _MEASURED: dict[str, Any] = {
     "linestyle": "none", "marker": "o", "markersize": 4.0, "color": "tab:orange"}
 _PREDICTED: dict[str, Any] = {"color": "tab:blue", "linewidth": 1.0}
+_SYMBOLS = {"damper/linear_damping": "$C_t$", "damper/quadratic_damping": "$C_d$",
+            "damper/coulomb_torque": "$T_{CF}$"}
+_AT_ONE_TIME_S = 0.5
+_MOST_LABELS = 6
 
 
 def draw_run(recording: Recording, comparison: Comparison, title: str, file: Path) -> None:
@@ -37,9 +42,13 @@ def draw_run(recording: Recording, comparison: Comparison, title: str, file: Pat
     _pair(axes[2, 1], velocity, frequency, shown.velocity, shown.frequency, "frequency [Hz]")
     for row in (1, 2):
         axes[row, 1].lines[0].set(linestyle="none", marker="o", markersize=1.5)
-    for row, axis in enumerate(axes[:, 0]):
-        _mark_changes(axis, recording, with_text=row == 0)
-        axis.set_xlabel("time [s]" if row == 2 else "")
+    changes = _changes(recording)
+    _mark_changes(axes[:, 0], changes)
+    if recording.velocity[0].size:
+        # The first values are no change.
+        _mark_changes(axes[1:, 1], [(np.interp(at, *recording.velocity), "")
+                                    for at, _ in changes if at > _AT_ONE_TIME_S])
+    axes[2, 0].set_xlabel("time [s]")
     axes[2, 1].set_xlabel("taxi velocity [m/s]")
     axes[1, 1].legend(loc="best")
     _swivel(axes[0, 1], recording)
@@ -72,22 +81,22 @@ def _swivel(axis: Axes, recording: Recording) -> None:
     axis.set_xlabel("time [s]")
 
 
-def _mark_changes(axis: Axes, recording: Recording, with_text: bool) -> None:
-    for time, *_ in recording.damper_changes:
-        axis.axvline(time, color="0.4", linestyle=":", linewidth=1.0)
-    if with_text:
-        for time, text in _changes(recording):
-            axis.annotate(text, (time, 0.97), xycoords=("data", "axes fraction"), va="top",
-                          fontsize="x-small", xytext=(4, 0), textcoords="offset points")
+def _mark_changes(axes: Sequence[Axes], changes: Sequence[tuple[float, str]]) -> None:
+    """A line at each change in all the axes, and what changed above the first."""
+    for axis in axes:
+        for at, _ in changes:
+            axis.axvline(at, color="0.4", linestyle=":", linewidth=1.0)
+    if len(changes) <= _MOST_LABELS:
+        for at, text in changes:
+            axes[0].annotate(text, (at, 1.02), xycoords=("data", "axes fraction"),
+                             va="bottom", fontsize="small", annotation_clip=False)
 
 
 def _changes(recording: Recording) -> list[tuple[float, str]]:
-    """When the damper changed and to what; changes within half a second are one."""
-    found: list[tuple[float, str]] = []
+    """Time [s] and text of the changes of the damper; those at one time are one."""
+    changes: list[tuple[float, list[str]]] = []
     for time, name, value in recording.damper_changes:
-        text = f"{name.split('/')[1].replace('_', ' ')} {value:g}"
-        if found and time - found[-1][0] < 0.5:
-            found[-1] = found[-1][0], f"{found[-1][1]}\n{text}"
-        else:
-            found.append((time, text))
-    return found
+        if not changes or time > changes[-1][0] + _AT_ONE_TIME_S:
+            changes.append((time, []))
+        changes[-1][1].append(f"{_SYMBOLS[name]} {value:g}")
+    return [(time, ", ".join(texts)) for time, texts in changes]

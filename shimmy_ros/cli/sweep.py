@@ -1,0 +1,121 @@
+"""``shimmy sweep``: limit cycles over one parameter."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from tqdm import tqdm
+
+from ..gear.axes import VELOCITY, Axis
+from ..gear.diagram import Diagram
+from ..gear.parameters import ParameterError
+from ..gear.sweep import sweep_points
+from ..gear.system import OperatingPoint
+from ..report.branch_table import Row, branch_row, head_of, sweep_row, write_csv, write_json
+from .options import (
+    Commands,
+    add_branch_options,
+    add_gear_options,
+    add_output_options,
+    axis_named,
+    branch_settings,
+    gear_and_damper,
+    grid,
+    setting_of,
+    writable,
+)
+from .progress import INTERRUPTED, stoppable
+
+_DIRECTIONS = {"up": (True,), "down": (False,), "both": (True, False)}
+
+
+def add_command(commands: Commands) -> None:
+    """Declare the subcommand."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "sweep", help="limit cycles over one parameter",
+        description="Follow the limit cycles over one parameter: the stable ones up and down, "
+        "with the jumps at folds, or all of them. Prints CSV unless it goes to a file. Exit status "
+        "0 with answers everywhere, 1 where some did not converge, 2 on bad input, 130 when "
+        "interrupted, with what is finished in the files.")
+    parser.add_argument("parameter", nargs="?", default=VELOCITY, metavar="PARAMETER",
+                        help=f"{VELOCITY}, or a name from the parameter file, such as "
+                        "damper.coulomb_torque or gear.trail (default: %(default)s)")
+    parser.add_argument("--from", type=float, required=True, metavar="A", dest="start",
+                        help="first value, SI")
+    parser.add_argument("--to", type=float, required=True, metavar="B", dest="end",
+                        help="last value, SI")
+    parser.add_argument("--step", type=float, metavar="D",
+                        help="distance of the values (default: a fiftieth of the range)")
+    parser.add_argument("--velocity", type=float, metavar="V",
+                        help="taxi velocity, m/s, unless it is what is swept")
+    parser.add_argument("--direction", choices=sorted(_DIRECTIONS), default="both",
+                        help="of the stable cycles' sweep (default: %(default)s)")
+    parser.add_argument("--all", action="store_true", dest="everything",
+                        help="every branch through its folds, unstable cycles included")
+    add_gear_options(parser)
+    add_branch_options(parser)
+    add_output_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Sweep and write; raises ParameterError on bad input."""
+    axis = axis_named(options.parameter)
+    values = grid(options.start, options.end, options.step)
+    gear, damper = gear_and_damper(options)
+    if axis.name == VELOCITY:
+        velocity = values[0]
+    elif options.velocity is None:
+        raise ParameterError("--velocity is missing; it must be a taxi velocity in "
+                             f"{Axis(VELOCITY).range.describe()}")
+    else:
+        velocity = Axis(VELOCITY).range.check("--velocity", options.velocity)
+    point = OperatingPoint(gear, damper, velocity)
+    for file in (options.csv, options.json, options.plot):
+        writable(file)
+    diagram = Diagram(point, axis, values, branch_settings(options))
+    finished = _trace(diagram, options.everything)
+    rows = _rows(diagram, options, finished)
+    if options.csv is not None:
+        with options.csv.open("w", encoding="utf-8", newline="") as stream:
+            write_csv(rows, stream)
+    elif options.json is None and options.plot is None:
+        write_csv(rows, sys.stdout)
+    if options.json is not None:
+        write_json(head_of(point, [axis.name], diagram.losses), rows, options.json)
+    if options.plot is not None:
+        # matplotlib takes its time to import, and is not needed before.
+        from ..report.branch_picture import draw_diagram
+
+        draw_diagram(diagram.points, axis.label, (values[0], values[-1]),
+                     f"Limit cycles over {axis.name}\n{setting_of(point, options, {axis.name})}",
+                     options.plot)
+    for loss in diagram.losses:
+        print(f"shimmy: did not converge: {loss}", file=sys.stderr)
+    if not finished:
+        return INTERRUPTED
+    return 1 if diagram.losses else 0
+
+
+def _trace(diagram: Diagram, everything: bool) -> bool:
+    """Trace the branches; False when the user asked to stop."""
+    points = diagram.trace_all() if everything else diagram.trace_stable()
+    with stoppable() as stop, tqdm(points, desc="following branches", unit=" points",
+                                   disable=not sys.stderr.isatty()) as bar:
+        for _ in bar:
+            if stop.requested:
+                return False
+    return True
+
+
+def _rows(diagram: Diagram, options: argparse.Namespace, finished: bool) -> list[Row]:
+    name = diagram.axis.name
+    if options.everything:
+        ordered = sorted(diagram.points, key=lambda point: (point.branch, point.order))
+        return [branch_row(name, point) for point in ordered]
+    answers = [answer for upwards in _DIRECTIONS[options.direction]
+               for answer in sweep_points(diagram, upwards)]
+    # An unfinished search has not shown that there is no cycle.
+    return [sweep_row(name, answer) for answer in answers
+            if finished or answer.orbit is not None]
