@@ -7,18 +7,18 @@ from functools import lru_cache
 
 from ..contract.typestore import definition, type_hash, typestore
 from .message import CDR, BagMessage, Channel
+from .offloading import OffloadedWriter
 from .reader import BagMessages
 from .types import MSG
-from .writer import BagWriter
 
 
-def copy_message(message: BagMessage, bag: BagWriter) -> None:
+def copy_message(message: BagMessage, bag: OffloadedWriter) -> None:
     """Write ``message``, with its channel if that is new. Raises BagError and OSError."""
     bag.write(bag.add_channel(_completed(message.channel)), message.data, message.log_time_ns,
               message.publish_time_ns, message.sequence)
 
 
-def copy_metadata(messages: BagMessages, bag: BagWriter) -> None:
+def copy_metadata(messages: BagMessages, bag: OffloadedWriter) -> None:
     """Write the metadata records that came by; rosbag2's own describes the bag that was cut."""
     for name, content in messages.metadata.items():
         if name != "rosbag2":

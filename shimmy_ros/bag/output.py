@@ -10,18 +10,27 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import BagError
-from .writer import BagWriter
+from .offloading import OffloadedWriter
+
+# Nobody reads a bag before it is complete, so that its index may be coarse.
+_CHUNK_BYTES = 1 << 20
 
 
 @contextmanager
-def new_bag(directory: Path, settings: Mapping[str, str] | None = None) -> Iterator[BagWriter]:
+def new_bag(directory: Path, settings: Mapping[str, str] | None = None
+            ) -> Iterator[OffloadedWriter]:
     """A bag that takes its place when the block ends, closed, unless it raises.
 
     The same messages give the same bytes. Raises BagError where ``directory`` exists or cannot be
     made, and OSError where the disk fails.
     """
-    with new_place(directory) as place, BagWriter(place, settings, chunk_seconds=None) as bag:
-        yield bag
+    with new_place(directory) as place:
+        bag = OffloadedWriter(place, settings, _CHUNK_BYTES)
+        try:
+            yield bag
+            bag.close()
+        finally:
+            bag.abandon()
 
 
 @contextmanager

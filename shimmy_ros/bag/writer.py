@@ -48,14 +48,18 @@ class BagWriter:
         directory: Path | str,
         settings: Mapping[str, str] | None = None,
         chunk_seconds: float | None = CHUNK_SECONDS,
+        chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
         """Make ``directory`` and begin its MCAP file; ``settings`` describe the run.
 
-        With ``chunk_seconds`` None, chunks are closed by size alone, so that the same messages
-        always give the same bytes. Raises BagError where the directory exists or cannot be made.
+        With ``chunk_seconds`` None, chunks are closed at ``chunk_bytes`` alone, so that the same
+        messages always give the same bytes. Every chunk takes about 1 kB of memory.
+
+        Raises BagError where the directory exists or cannot be made.
         """
         self.directory = Path(directory)
         self.chunk_seconds = chunk_seconds
+        self._chunk_bytes = chunk_bytes
         try:
             self.directory.mkdir(parents=True)
         except FileExistsError as error:
@@ -70,7 +74,7 @@ class BagWriter:
         self._pending_bytes = 0
         self._chunk_begun = 0.0
         self._stream = self.path.open("xb")
-        self._writer = Writer(self._stream, chunk_size=2 * CHUNK_BYTES,
+        self._writer = Writer(self._stream, chunk_size=2 * chunk_bytes,
                               compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2")
         if settings:
@@ -138,7 +142,7 @@ class BagWriter:
                 raise BagError(f"{what} time of a message on {_topic(name)} is {time_ns} ns, "
                                f"but must be in [0, {_LAST_NS}] ns")
         size = len(data) + _RECORD_OVERHEAD
-        if self._pending_bytes and self._pending_bytes + size > CHUNK_BYTES:
+        if self._pending_bytes and self._pending_bytes + size > self._chunk_bytes:
             self.flush()
         if not self._pending_bytes:
             self._chunk_begun = monotonic()

@@ -14,6 +14,8 @@ from tqdm import tqdm
 INTERRUPTED = 130
 """Exit status of a command that was asked to stop."""
 
+STOPPED = "shimmy: stopped; what was finished until then is there"
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _UPDATE_EVERY = 256
 
@@ -53,7 +55,7 @@ def until_stopped(items: Iterable[Item], stop: Stop, what: str, fraction: Callab
     """``items``, as long as nobody asked to stop, with a bar at ``fraction`` for ``what``."""
     with tqdm(total=100.0, desc=what, disable=not sys.stderr.isatty(),
               bar_format="{desc}: {percentage:3.0f} %|{bar}| {elapsed}, {remaining} left") as bar:
-        for count, item in enumerate(items):
+        for count, item in enumerate(items, 1):
             yield item
             if stop.requested:
                 return

@@ -18,7 +18,7 @@ from ..gear.prediction import Predictor
 from ..replay.replay import DEFAULT_NAMESPACE, Inputs, Replay, find_inputs
 from ..replay.writing import AnswerWriter
 from .options import Commands, add_gear_options, add_harmonics_option, gear_and_damper
-from .progress import INTERRUPTED, stoppable, until_stopped
+from .progress import INTERRUPTED, STOPPED, stoppable, until_stopped
 
 NO_ANSWER = 1
 _RESPONSE = "gear_response"
@@ -100,6 +100,7 @@ def run(options: argparse.Namespace) -> int:
             dict(writer.outcomes), f"{options.bag.name}: predicted and measured", picture)
     _report(replay, writer, out, found)
     if stop.requested:
+        print(STOPPED, file=sys.stderr)
         return INTERRUPTED
     return 0 if writer.outcomes else NO_ANSWER
 

@@ -12,7 +12,7 @@ from ..bag.errors import BagError
 from ..bag.output import check_new, new_bag
 from ..bag.reader import Bag
 from .options import Commands
-from .progress import INTERRUPTED, stoppable, until_stopped
+from .progress import INTERRUPTED, STOPPED, stoppable, until_stopped
 from .replay import default_output
 
 
@@ -49,4 +49,7 @@ def run(options: argparse.Namespace) -> int:
     for damage in messages.damage:
         print(f"shimmy: {damage}", file=sys.stderr)
     print(f"bag      {out}\nholds    {count} messages on {len(topics)} topics")
-    return INTERRUPTED if stop.requested else 0
+    if stop.requested:
+        print(STOPPED, file=sys.stderr)
+        return INTERRUPTED
+    return 0

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from ..bag.errors import BagError
 from ..bag.message import BagMessage, Channel
 from ..bag.reader import Bag, BagMessages
+from ..contract.answers import ANSWER_TOPICS
 from ..contract.messages import CODECS
 from ..contract.records import MessageError, TaxiVelocity
 from ..contract.session import Session
@@ -44,8 +45,8 @@ class Inputs:
     @property
     def answers(self) -> list[str]:
         """The topics on which a predictor would have answered."""
-        return [topic.resolved(self.namespace)
-                for topic in load_contract().published_by("predictor") if topic.recorded]
+        contract = load_contract()
+        return [contract.topic(name).resolved(self.namespace) for name in ANSWER_TOPICS]
 
 
 def find_inputs(channels: Collection[Channel], velocity: str | None = None,

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Mapping
 
 from ..bag.copying import copy_message
-from ..bag.writer import BagWriter
-from ..contract.answers import Record, answer
+from ..bag.offloading import OffloadedWriter
+from ..contract.answers import ANSWER_TOPICS, Record, answer
 from ..contract.messages import CODECS
 from ..contract.session import Session
 from ..contract.spec import load_contract
@@ -21,7 +21,7 @@ class AnswerWriter:
     The time that a solve took is not written: the same bag always gives the same bytes.
     """
 
-    def __init__(self, bag: BagWriter, inputs: Inputs, session: Session, hardware_id: str,
+    def __init__(self, bag: OffloadedWriter, inputs: Inputs, session: Session, hardware_id: str,
                  with_input: bool) -> None:
         """``with_input`` also copies the messages themselves, but for those of older answers."""
         self.outcomes: Counter[str] = Counter()
@@ -30,9 +30,9 @@ class AnswerWriter:
         self._hardware_id = hardware_id
         self._with_input = with_input
         self._older = frozenset(inputs.answers)
-        self._names = {
-            topic.name: bag.add_topic(topic, inputs.namespace)
-            for topic in load_contract().published_by("predictor") if topic.recorded}
+        contract = load_contract()
+        self._names = {name: bag.add_topic(contract.topic(name), inputs.namespace)
+                       for name in ANSWER_TOPICS}
 
     def write(self, step: Step) -> Mapping[str, Record] | None:
         """Write a step and return the records of its answer, if it has one. Raises OSError."""

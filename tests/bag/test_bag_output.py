@@ -17,7 +17,6 @@ def test_a_bag_takes_its_place_at_the_end(tmp_path):
     with new_bag(tmp_path / "deep" / "run", {"a": "1"}) as bag:
         name = bag.add_topic(load_contract().topic("limit_cycle/frequency"), "/x")
         bag.write(name, CODECS["limit_cycle/frequency"].encode(1.0), 7)
-        bag.flush()
         assert not (tmp_path / "deep" / "run").exists()
     assert os.listdir(tmp_path / "deep") == ["run"]
     assert sorted(os.listdir(tmp_path / "deep" / "run")) == ["metadata.yaml", "run_0.mcap"]

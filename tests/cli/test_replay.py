@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import math
 import os
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -137,7 +140,7 @@ def test_bad_samples_are_refused_and_named(replay):
 
 def test_time_that_jumps_back_is_said_once(replay):
     stamps = [100, 101, 102, 90, 91, 91, 50, 5000]
-    write_bag(Path("in"), [velocity(stamp, 40.0 + stamp / 100, 1000 + index)
+    write_bag(Path("in"), [velocity(stamp, 40.0 + index / 10, 1000 + index)
                            for index, stamp in enumerate(stamps)])
     status, _, complaints = replay("in", "-o", "out")
     assert status == 0
@@ -356,13 +359,36 @@ def test_a_signal_keeps_what_is_finished(replay, tmp_path, number):
         child.kill()
         child.wait()
     assert child.returncode == 130
-    assert complaints == ""
+    assert complaints == "shimmy: stopped; what was finished until then is there\n"
     messages = read_messages(tmp_path / "out")
     count = len(list(messages))
     assert messages.damage == []
     assert 0 < count < 80_000
     assert f"answers  {count // 4} " in printed
     assert sorted(os.listdir(tmp_path)) == ["in", "out"]
+
+
+def test_a_terminal_shows_the_progress(tmp_path):
+    write_bag(tmp_path / "in", [velocity(100 + index / 50, 40.0) for index in range(1000)])
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    child = subprocess.Popen(
+        [sys.executable, "-m", "shimmy_ros.cli.main", "replay", "in", "-o", "out"],
+        stdout=subprocess.DEVNULL, stderr=theirs, cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])})
+    os.close(theirs)
+    shown = b""
+    try:
+        while block := os.read(ours, 4096):
+            shown += block
+    except OSError:  # how Linux says that the other end was closed
+        pass
+    finally:
+        os.close(ours)
+        child.wait()
+    assert child.returncode == 0
+    assert b"replaying:   0 %|" in shown
+    assert b"replaying: 100 %|" in shown
 
 
 # --- comparison ---------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Makes a long bag, as of a rig: velocity at 50 Hz, gear response at 500 Hz.
 
-    python tests/replay/long_bag.py OUT [SECONDS]
+    python tests/replay/long_bag.py SECONDS OUT
 
 The velocity wanders between 15 and 85 m/s like that of landings and take-offs in a row, and the
 response is a sine whose amplitude follows it: enough for measuring how long a replay takes.
@@ -53,4 +53,4 @@ def write_long_bag(directory, seconds):
 
 
 if __name__ == "__main__":
-    write_long_bag(Path(sys.argv[1]), float(sys.argv[2]) if len(sys.argv) > 2 else 3600.0)
+    write_long_bag(Path(sys.argv[2]), float(sys.argv[1]))
