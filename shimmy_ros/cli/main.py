@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from ..bag.errors import BagError
 from ..gear.parameters import ParameterError
-from . import demo, predict, replay, salvage
+from . import ask, demo, figures, map, predict, replay, salvage, sweep
 from .progress import INTERRUPTED
 
 FAILED = 1
@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="shimmy", description="Limit cycles of landing-gear shimmy.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (predict, replay, salvage, demo):
+    for module in (predict, ask, sweep, map, figures, replay, salvage, demo):
         module.add_command(commands)
     options = parser.parse_args(arguments)
     try:

@@ -16,6 +16,10 @@ from .records import JOINTS, Level, LimitCycleAmplitude, LimitCycleOrbit, Status
 ORBIT_INTERVALS = 64
 """Intervals of a published orbit, which has one point more: the first and the last agree."""
 
+ANSWER_TOPICS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
+                 "limit_cycle/status")
+"""The topics of an answer to a velocity sample."""
+
 Record = LimitCycleAmplitude | LimitCycleOrbit | float | tuple[Status, ...]
 
 

@@ -28,6 +28,7 @@ from .typestore import (
     FLOAT64,
     JOINT_STATE,
     JOINT_TRAJECTORY,
+    STRING,
     TWIST_STAMPED,
     typestore,
 )
@@ -38,6 +39,11 @@ _IN_ORDER = list(range(len(JOINTS)))
 def decode_number(data: bytes) -> float:
     """The value of a std_msgs/Float64. Raises MessageError."""
     return float(_message(data, FLOAT64).data)
+
+
+def decode_text(data: bytes) -> str:
+    """The text of a std_msgs/String. Raises MessageError."""
+    return str(_message(data, STRING).data)
 
 
 def decode_taxi_velocity(data: bytes) -> TaxiVelocity:

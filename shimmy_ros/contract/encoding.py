@@ -111,6 +111,16 @@ def encode_number(value: float) -> bytes:
         raise MessageError(f"{value!r} cannot be sent as a number: {error}") from error
 
 
+def encode_text(text: str) -> bytes:
+    """The std_msgs/String that holds ``text``. Raises MessageError for what is no Unicode."""
+    out = bytearray(ENCAPSULATION)
+    try:
+        _append_string(out, text)
+    except UnicodeEncodeError as error:
+        raise MessageError(f"a text cannot be sent: {error}") from error
+    return bytes(out)
+
+
 def encode_taxi_velocity(record: TaxiVelocity) -> bytes:
     """The geometry_msgs/TwistStamped of ``record``. Raises MessageError."""
     return _taxi_velocity_layout().pack(

@@ -18,6 +18,7 @@ from .decoding import (
     decode_orbit,
     decode_statuses,
     decode_taxi_velocity,
+    decode_text,
 )
 from .encoding import (
     encode_amplitude,
@@ -26,16 +27,24 @@ from .encoding import (
     encode_orbit,
     encode_statuses,
     encode_taxi_velocity,
+    encode_text,
 )
-from .typestore import DIAGNOSTIC_ARRAY, FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, TWIST_STAMPED
+from .typestore import (
+    DIAGNOSTIC_ARRAY,
+    FLOAT64,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    STRING,
+    TWIST_STAMPED,
+)
 
 
 @dataclass(frozen=True)
 class Codec:
     """How the record of a topic becomes a message of ``type``, and back; both raise MessageError.
 
-    A topic's record is a float for Float64, a sequence of Status for DiagnosticArray, and for the
-    others the record of its name.
+    A topic's record is a float for Float64, a str for String, a sequence of Status for
+    DiagnosticArray, and for the others the record of its name.
     """
 
     type: str
@@ -44,6 +53,7 @@ class Codec:
 
 
 _NUMBER = Codec(FLOAT64, encode_number, decode_number)
+_TEXT = Codec(STRING, encode_text, decode_text)
 _STATUSES = Codec(DIAGNOSTIC_ARRAY, encode_statuses, decode_statuses)
 
 CODECS: Mapping[str, Codec] = {
@@ -56,6 +66,8 @@ CODECS: Mapping[str, Codec] = {
     "limit_cycle/frequency": _NUMBER,
     "limit_cycle/orbit": Codec(JOINT_TRAJECTORY, encode_orbit, decode_orbit),
     "limit_cycle/status": _STATUSES,
+    "what_if/query": _TEXT,
+    "what_if/answer": _TEXT,
     "/diagnostics": _STATUSES,
 }
 """The codec of every topic of the contract, by its name there."""
@@ -63,7 +75,7 @@ CODECS: Mapping[str, Codec] = {
 __all__ = [
     "CODECS", "Codec",
     "decode_amplitude", "decode_gear_response", "decode_number", "decode_orbit", "decode_statuses",
-    "decode_taxi_velocity",
+    "decode_taxi_velocity", "decode_text",
     "encode_amplitude", "encode_gear_response", "encode_number", "encode_orbit", "encode_statuses",
-    "encode_taxi_velocity",
+    "encode_taxi_velocity", "encode_text",
 ]

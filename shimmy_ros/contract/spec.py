@@ -61,7 +61,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic; ``type`` reads package/msg/Type, the parties are rig, predictor and simulator."""
+    """One topic; ``type`` reads package/msg/Type, parties are rig, predictor, simulator, anyone."""
 
     name: str
     type: str

@@ -9,6 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 FLOAT64 = "std_msgs/msg/Float64"
+STRING = "std_msgs/msg/String"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from ..contract.messages import CODECS
 from ..contract.records import Level, MessageError, Status, TaxiVelocity
 from ..contract.session import REFERENCE_HARDWARE
-from ..contract.spec import load_contract
+from ..contract.spec import Topic, load_contract
 from ..gear.parameters import (
     DEFAULT_MINIMUM_VELOCITY,
     MINIMUM_VELOCITY_RANGE,
@@ -103,7 +103,7 @@ class GearNode(LifecycleNode):
     def open(self) -> None:
         """Create what the node needs; inputs are heard from now on, answers gated."""
         self._diagnostics_publisher = publisher(self, "/diagnostics", gated=False)
-        for topic in load_contract().subscribed_by(self._party):
+        for topic in self._rig_topics():
             self._inputs.append(subscription(self, topic, self._input(topic.name)))
         # The node reports while simulated time stands still, too.
         self._diagnostics_timer = self.create_timer(
@@ -201,6 +201,10 @@ class GearNode(LifecycleNode):
 
     # --- inputs ---------------------------------------------------------------------------
 
+    def _rig_topics(self) -> list[Topic]:
+        return [topic for topic in load_contract().subscribed_by(self._party)
+                if "rig" in topic.publishers]
+
     def _input(self, topic: str) -> Callable[[bytes], None]:
         take = self._take_velocity if topic == _VELOCITY else self._take_damper
 
@@ -288,7 +292,7 @@ class GearNode(LifecycleNode):
             "coulomb_torque": repr(self.damper.coulomb_torque),
             "minimum_velocity": repr(self.minimum_velocity),
         }
-        for topic in load_contract().subscribed_by(self._party):
+        for topic in self._rig_topics():
             values[f"{topic.name} received"] = str(self._received.get(topic.name, 0))
             values[f"{topic.name} refused"] = str(self._refused.get(topic.name, 0))
         problems = [(Level.WARN, f"refused {topic}: {text}")

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -43,12 +44,16 @@ def publisher(node: LifecycleNode, topic_name: str, gated: bool = True) -> Any:
 
 
 def subscription(node: LifecycleNode, topic: Topic, callback: Callable[[bytes], None],
-                 depth: int | None = None) -> Any:
+                 recorder_depth: int | None = None) -> Any:
     """A subscription to a topic of the contract; ``callback`` gets bytes.
 
-    ``depth`` is the length of the queue, by default the contract's.
+    A recorder has a queue of its own depth. It leaves warnings of an incompatible QoS to the other
+    parties: each event that can be reported costs time whenever the node waits.
     """
     profile = qos_profile(topic.qos)
-    profile.depth = topic.qos.depth if depth is None else depth
-    return node.create_subscription(
-        message_class(topic.type), topic.name, callback, profile, raw=True)
+    events = None
+    if recorder_depth is not None:
+        profile.depth = recorder_depth
+        events = SubscriptionEventCallbacks(use_default_callbacks=False)
+    return node.create_subscription(message_class(topic.type), topic.name, callback, profile,
+                                    event_callbacks=events, raw=True)

@@ -7,11 +7,12 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from ..contract.answers import answer
+from ..contract.answers import ANSWER_TOPICS, answer
 from ..contract.messages import CODECS
 from ..contract.records import Level, TaxiVelocity
 from ..contract.session import UNSTAMPED, Session
 from ..gear.parameter_file import reference_parameters
+from ..gear.parameters import Range
 from ..gear.prediction import (
     DEFAULT_HARMONICS,
     HARMONICS_RANGE,
@@ -20,13 +21,15 @@ from ..gear.prediction import (
     check_harmonics,
 )
 from ..gear.system import OperatingPoint
+from ..what_if.query import Present
+from ..what_if.reply import DEFAULT_MAXIMUM_POINTS
 from .gear_node import GearNode
 from .interface import publisher
 from .parameters import declare_count
+from .what_if import WhatIf
 
-_TOPICS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
-           "limit_cycle/status")
 _WARM_UP_VELOCITIES = (40.0, 41.0)
+_MAXIMUM_POINTS_RANGE = Range("points", "points that a what-if query may have", 1, 1_000_000)
 
 
 class PredictorNode(GearNode):
@@ -43,16 +46,21 @@ class PredictorNode(GearNode):
         self._last: tuple[Prediction, float] | None = None
         self._change = self.create_guard_condition(self._answer_change)
         self._change_pending = False
+        self._maximum_points = declare_count(
+            self, "what_if_maximum_points", DEFAULT_MAXIMUM_POINTS, _MAXIMUM_POINTS_RANGE)
+        self._what_if = WhatIf(self, self._present, lambda: self._maximum_points)
 
     def open(self) -> None:
         """Create the answers' publishers as well, once the solver is ready."""
         self._warm_up()
-        self._answer_publishers = {name: publisher(self, name) for name in _TOPICS}
+        self._answer_publishers = {name: publisher(self, name) for name in ANSWER_TOPICS}
+        self._what_if.open()
         super().open()
 
     def close(self) -> None:
         """Destroy them."""
         super().close()
+        self._what_if.close()
         for handle in self._answer_publishers.values():
             self.destroy_lifecycle_publisher(handle)
         self._answer_publishers.clear()
@@ -82,27 +90,38 @@ class PredictorNode(GearNode):
         self._answer_change()
 
     def check_parameter(self, parameter: Parameter) -> None:
-        """The number of harmonics has to be a whole one in its range."""
+        """The number of harmonics has to be a whole one in its range, that of points as well."""
         if parameter.name == "harmonics":
             check_harmonics(parameter.value)
+        elif parameter.name == "what_if_maximum_points":
+            _MAXIMUM_POINTS_RANGE.check(parameter.name, parameter.value)
 
     def apply_parameter(self, parameter: Parameter) -> None:
-        """Take over the number of harmonics and the minimum velocity."""
+        """Take over the number of harmonics, the minimum velocity and the number of points."""
         if parameter.name == "harmonics":
             self._session.predictor.harmonics = parameter.value
         elif parameter.name == "minimum_velocity":
             self._session.predictor.minimum_velocity = parameter.value
+        elif parameter.name == "what_if_maximum_points":
+            self._maximum_points = parameter.value
 
     def statuses(self) -> list[tuple[str, Level, str, dict[str, str]]]:
         """How the last answer went, and how many of each kind there were."""
         values = {f"answers {outcome}": str(count) for outcome, count in self._outcomes.items()}
         values["time jumps"] = str(self._session.jumps)
         if self._last is None:
-            return [("solver", Level.OK, "nothing to answer yet", values)]
+            return [("solver", Level.OK, "nothing to answer yet", values), self._what_if.status()]
         prediction, solve_time = self._last
         values["solve_time"] = repr(solve_time)
         level = Level.ERROR if prediction.failed else Level.OK
-        return [("solver", level, prediction.message, values)]
+        return [("solver", level, prediction.message, values), self._what_if.status()]
+
+    def _present(self) -> Present | None:
+        if not self.active:
+            return None
+        predictor, sample = self._session.predictor, self._session.sample
+        return Present(self.gear, self.damper, None if sample is None else sample.velocity,
+                       predictor.harmonics, predictor.minimum_velocity)
 
     def _warm_up(self) -> None:
         # The first solves after an installation compile the solver, cold and warm, for some

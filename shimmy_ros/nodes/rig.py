@@ -22,6 +22,8 @@ _RESPONSE = "gear_response"
 _QUIET_RAD = 2e-3
 _QUIET_S = 1.0
 _KICK_PERIOD_S = 4.0
+# The last sample has to arrive, to be answered and to be recorded.
+_LAST_ANSWER_S = 0.5
 # The predictor compiles its solver before it listens, once after an installation.
 _JOIN_TIMEOUT_S = 180.0
 
@@ -105,6 +107,12 @@ class Rig:
                 self._kick.call_async(self._request)
                 kicked_at = due
             progress(due)
+        self._spin_for(_LAST_ANSWER_S)
+
+    def _spin_for(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
 
     def _send(self, topic: str, record: Any) -> None:
         self._publishers[topic].publish(CODECS[topic].encode(record))

@@ -5,7 +5,6 @@ Nothing that takes long to import stands at the top, so that signals are caught 
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -38,9 +37,6 @@ def run(module: str, node_class: str, arguments: Sequence[str] | None = None) ->
 
     for number in _SIGNALS:
         signal.signal(number, ask_to_stop)
-    # The matrices are small, and on a busy machine a solve that is shared out among threads takes
-    # a hundred times as long. Numpy reads this when it is imported.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     make_node = getattr(import_module(module), node_class)
     return _run(make_node, arguments, lambda: stopping)
 

@@ -79,8 +79,9 @@ class SimulatorNode(GearNode):
         if self._record:
             directory = self._recorder.begin(self._settings())
             self.get_logger().info(f"recording to {directory}")
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
             self._timers_of_run.append(self.create_timer(
-                _FLUSH_PERIOD_S, self._recorder.flush, clock=Clock(clock_type=ClockType.STEADY_TIME)))
+                _FLUSH_PERIOD_S, self._recorder.flush, clock=steady))
         self._timers_of_run.append(self.create_timer(1.0 / self._rate, self._advance))
         super().begin()
 

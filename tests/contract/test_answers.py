@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from shimmy_ros.contract.answers import ORBIT_INTERVALS, answer
+from shimmy_ros.contract.answers import ANSWER_TOPICS, ORBIT_INTERVALS, answer
 from shimmy_ros.contract.messages import CODECS
 from shimmy_ros.contract.records import JOINTS, Level
 from shimmy_ros.contract.spec import load_contract
@@ -34,8 +34,9 @@ def predicted(velocity=40.0, harmonics=4, **damper):
 def of(prediction, **settings):
     """Amplitude, frequency, orbit and the one status of an answer."""
     records = answer(prediction, STAMP_NS, "a gear", **settings)
-    assert set(records) == {topic.name for topic in load_contract().published_by("predictor")
-                            if topic.recorded}
+    assert tuple(records) == ANSWER_TOPICS
+    assert {topic.name for topic in load_contract().published_by("predictor")} - set(records) == {
+        "what_if/answer", "/diagnostics"}
     (status,) = records["limit_cycle/status"]
     for record in (records["limit_cycle/amplitude"], records["limit_cycle/orbit"], status):
         assert record.stamp_ns == STAMP_NS

@@ -63,6 +63,8 @@ def test_topics_and_services_are_those_agreed():
         "limit_cycle/frequency": "std_msgs/msg/Float64",
         "limit_cycle/orbit": "trajectory_msgs/msg/JointTrajectory",
         "limit_cycle/status": "diagnostic_msgs/msg/DiagnosticArray",
+        "what_if/query": "std_msgs/msg/String",
+        "what_if/answer": "std_msgs/msg/String",
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     }
     assert [(kick.name, kick.type, kick.server) for kick in CONTRACT.services] == [
@@ -73,7 +75,9 @@ def test_directions():
     inputs = [topic.name for topic in CONTRACT.published_by("rig")]
     assert inputs == ["taxi_velocity", "damper/linear_damping", "damper/quadratic_damping",
                       "damper/coulomb_torque"]
-    assert [topic.name for topic in CONTRACT.subscribed_by("predictor")] == inputs
+    assert [topic.name for topic in CONTRACT.subscribed_by("predictor")] == [
+        *inputs, "what_if/query"]
+    assert [topic.name for topic in CONTRACT.published_by("anyone")] == ["what_if/query"]
     assert [topic.name for topic in CONTRACT.subscribed_by("simulator")] == inputs
     assert [topic.name for topic in CONTRACT.published_by("simulator")] == [
         "gear_response", "/diagnostics"]

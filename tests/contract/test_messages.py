@@ -53,6 +53,7 @@ RECORDS = {
     "limit_cycle/amplitude": st.builds(LimitCycleAmplitude, stamps, fours, fours),
     "limit_cycle/orbit": orbits(),
     "limit_cycle/status": status_lists(),
+    "what_if/query": st.text(),
 }
 KINDS = pytest.mark.parametrize("name", RECORDS)
 
@@ -70,6 +71,7 @@ EXAMPLES = {
                {"taxi_velocity": "42.5", "outcome": "limit_cycle"}),
         Status(17, "a", "b", Level.STALE, "", {}),
     ],
+    "what_if/query": '{"taxi_velocity": 40}',
 }
 
 
@@ -141,7 +143,7 @@ def test_an_independent_decoder_reads_the_same(name):
     message = decoder_module.DecoderFactory().decoder_for("cdr", schema)(
         codec.encode(EXAMPLES[name]))
     record = EXAMPLES[name]
-    if name == "damper/coulomb_torque":
+    if name in ("damper/coulomb_torque", "what_if/query"):
         assert message.data == record
         return
     stamp_ns = 17 if isinstance(record, list) else record.stamp_ns
@@ -257,6 +259,7 @@ def test_records_of_another_shape_are_refused(build):
     ("limit_cycle/status", [Status(1, "a", "b", Level.OK, "", {}),
                             Status(2, "a", "b", Level.OK, "", {})]),
     ("limit_cycle/status", [Status(1, "a", "b", Level.OK, "\ud800", {})]),
+    ("what_if/answer", "\ud800"),
 ])
 def test_what_no_message_can_hold_is_refused(name, record):
     with pytest.raises(MessageError):

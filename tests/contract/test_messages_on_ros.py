@@ -50,6 +50,10 @@ def test_rclpy_reads_a_number():
     assert deserialized("limit_cycle/frequency", 21.5).data == 21.5
 
 
+def test_rclpy_reads_a_text():
+    assert deserialized("what_if/answer", '{"id": "über"}').data == '{"id": "über"}'
+
+
 def test_rclpy_reads_joint_states():
     effort = (0.0, -20.0, 3.5, 0.0)
     message = deserialized("gear_response", GearResponse(17, FOUR, FOUR[::-1], effort))

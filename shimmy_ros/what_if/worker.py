@@ -1,0 +1,90 @@
+"""Answers queries in a process of its own, so that they take no time from a node's.
+
+Reads lines of JSON with ticket, text, present and maximum_points; writes lines of a ticket, 1 for a
+final reply or else 0, and the answer. Ends when its input ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+from typing import Any, NoReturn, TextIO
+
+from ..gear.parameters import ParameterError
+from .desk import Desk
+from .query import Cancel, Present
+from .reading import read_query
+from .reply import to_text
+from .text import QueryError, read_mapping
+
+_NICENESS = 10
+
+
+def main() -> NoReturn:
+    """Answer until standard input ends."""
+    # Whoever stops the node with Ctrl-C means the node; this process follows it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(_NICENESS)
+    answers = sys.stdout
+    # Nothing else may come between the answers.
+    sys.stdout = sys.stderr
+    desk = Desk()
+    lines: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+    targets: list[str] = []
+
+    def interrupt(number: int, frame: object) -> None:
+        while targets:
+            desk.interrupt(targets.pop())
+
+    signal.signal(signal.SIGUSR1, interrupt)
+    worker = threading.get_ident()
+
+    def read() -> None:
+        for line in sys.stdin:
+            request = json.loads(line)
+            lines.put(request)
+            target = _cancelled(request)
+            if target is not None:
+                targets.append(target)
+                signal.pthread_kill(worker, signal.SIGUSR1)
+        # Nobody is left to read answers.
+        os._exit(0)
+
+    threading.Thread(target=read, daemon=True).start()
+    while True:
+        while not desk.busy or not lines.empty():
+            _take(desk, lines.get())
+            _write(desk, answers)
+        desk.step()
+        _write(desk, answers)
+
+
+def _take(desk: Desk, request: dict[str, Any]) -> None:
+    desk.take(request["ticket"], request["text"], Present.from_json(request["present"]),
+              request["maximum_points"])
+
+
+def _write(desk: Desk, answers: TextIO) -> None:
+    for reply in desk.replies():
+        answers.write(f"{reply.ticket} {int(reply.final)} {to_text(reply.answer)}\n")
+    answers.flush()
+
+
+def _cancelled(request: dict[str, Any]) -> str | None:
+    """The id that a request cancels, if it does."""
+    if "cancel" not in request["text"]:
+        return None
+    try:
+        query = read_query(read_mapping(request["text"]), Present.from_json(request["present"]),
+                           request["maximum_points"])
+    except (QueryError, ParameterError):
+        return None
+    return query.target if isinstance(query, Cancel) else None
+
+
+if __name__ == "__main__":
+    main()
