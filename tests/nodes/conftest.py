@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[2]
 CONTRACT = yaml.safe_load((ROOT / "msgs_spec" / "topics.yaml").read_text(encoding="utf-8"))
 TOPICS = {topic["name"]: topic for topic in CONTRACT["topics"]}
 NAMESPACE = "/test"
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0
 RESEND_S = 2.0
 ANSWERS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
            "limit_cycle/status")
@@ -175,14 +175,15 @@ class Bench:
 
     def join(self, *kinds):
         """Wait until the nodes and the bench have found each other on every topic."""
-        inputs = [self.publisher(name) for name, topic in TOPICS.items()
-                  if "rig" in topic["publishers"]]
-        # The simulator listens twice, the second time for its bag.
-        expected = sum({"predictor": 1, "simulator": 2}[kind] for kind in kinds)
+        # The simulator listens to what it records, too.
+        inputs = {name: sum((kind in topic["subscribers"])
+                            + (kind == "simulator" and topic["recorded"]) for kind in kinds)
+                  for name, topic in TOPICS.items() if "rig" in topic["publishers"]}
         answers = {topic: sum(kind in TOPICS[topic]["publishers"] for kind in kinds)
                    for topic in self._subscriptions}
         self.wait_until(
-            lambda: all(p.get_subscription_count() == expected for p in inputs)
+            lambda: all(self.publisher(name).get_subscription_count() == count
+                        for name, count in inputs.items())
             and all(self._subscriptions[topic].get_publisher_count() == count
                     for topic, count in answers.items()),
             f"{' and '.join(kinds)} to join")

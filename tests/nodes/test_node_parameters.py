@@ -219,41 +219,6 @@ def test_another_publishing_rate_counts_from_the_next_run(bench):
     assert bench.set_parameters("simulator", publish_rate=500.0) == [(True, "")]
 
 
-WRONG = {
-    "negative": ("predictor", "damper.linear_damping:=-1.0", "damper.linear_damping", "-1"),
-    "mass matrix": ("simulator", "gear.wheel_mass:=1000.0", "gear.wheel_mass",
-                    "positive definite"),
-    "no number": ("predictor", "gear.trail:=.nan", "gear.trail", "nan"),
-    "whole number for a double": ("simulator", "gear.trail:=1", "gear.trail", "1"),
-    "setting": ("predictor", "autostart:=5", "autostart", "5"),
-    "empty": ("simulator", "hardware_id:=''", "hardware_id", "empty"),
-    "misspelt": ("predictor", "gear.trial:=0.1", "gear.trial", "gear.trail"),
-    "minimum velocity": ("simulator", "minimum_velocity:=0.001", "minimum_velocity", "0.01"),
-    "harmonics": ("predictor", "harmonics:=0", "harmonics", "0", "64"),
-    "rate": ("simulator", "publish_rate:=1e6", "publish_rate", "1000000", "5000"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_initial_value_ends_the_node_with_one_sentence(stage, case):
-    party, given, *words = WRONG[case]
-    node = stage.start(party, "-p", given)
-    assert node.wait() == 2, node.log()
-    (sentence,) = node.log().splitlines()
-    assert all(word in sentence for word in words), sentence
-
-
-@pytest.mark.parametrize("text", [None, "gear: 3"])
-def test_a_params_file_that_is_none_ends_the_node_with_one_sentence(stage, tmp_path, text):
-    file = tmp_path / "params.yaml"
-    if text is not None:
-        file.write_text(text)
-    node = stage.start("predictor", "--params-file", str(file))
-    assert node.wait() == 2, node.log()
-    assert str(file) in node.log()
-    assert "Traceback" not in node.log()
-
-
 def test_params_files_override_each_other(stage, tmp_path):
     config = REFERENCE_FILE.parent
     own = tmp_path / "own.yaml"

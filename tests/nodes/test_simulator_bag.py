@@ -134,12 +134,12 @@ def test_a_bag_holds_what_was_sent(stage, bench, tmp_path, values):
     assert settings["shimmy_ros"]["kick_swivel_rate"] == "5.0"
 
 
-@pytest.mark.parametrize("age_ns", [310_000_000, 1_130_000_000])
-def test_a_killed_simulator_leaves_all_but_the_last_quarter_second(stage, bench, tmp_path, age_ns):
+def test_a_killed_simulator_leaves_all_but_the_last_quarter_second(stage, bench, tmp_path):
     simulator = start_run(stage, bag_directory=tmp_path / "bag")
     responses = bench.received["gear_response"]
     begin_ns = stamp_ns(responses[-1])
-    bench.wait_until(lambda: stamp_ns(responses[-1]) > begin_ns + age_ns, "the run to go on")
+    bench.wait_until(lambda: stamp_ns(responses[-1]) > begin_ns + 1_130_000_000,
+                     "the run to go on")
     simulator.kill()
     bench.drain("gear_response")
     published = [stamp_ns(message) for message in responses]
@@ -169,21 +169,6 @@ def test_what_is_recorded_reaches_the_disk_while_the_clock_stands(stage, bench, 
                      "all of them on the disk")
 
 
-@pytest.mark.parametrize("what", ["directory", "file", "no permission"])
-def test_a_bag_that_cannot_be_made_ends_the_simulator_with_a_sentence(stage, tmp_path, what):
-    bag = tmp_path / "bag"
-    if what == "directory":
-        bag.mkdir()
-    elif what == "file":
-        bag.write_text("precious")
-    else:
-        bag = Path("/proc/nobody/may/make/this")
-    simulator = stage.start("simulator", bag_directory=bag)
-    assert simulator.wait() == 1
-    assert f"could not activate: bag {bag}" in simulator.log()
-    assert what != "file" or bag.read_text() == "precious"
-
-
 def test_each_run_has_its_own_bag(stage, bench, tmp_path):
     bag = tmp_path / "bag"
     simulator = start_run(stage, bag_directory=bag)
@@ -203,19 +188,6 @@ def test_each_run_has_its_own_bag(stage, bench, tmp_path):
         assert {late - early for early, late in pairwise(run)} == {STEP_NS}
     heard = {stamp_ns(message) for message in bench.received["gear_response"]}
     assert heard <= {stamp for run in runs for stamp in run}
-
-
-def test_without_a_name_the_bag_is_named_by_the_time(stage, bench, tmp_path):
-    simulator = start_run(stage)
-    assert simulator.stop() == 0
-    (metadata,) = tmp_path.glob("shimmy_2*/metadata.yaml")
-    assert response_stamps(metadata.parent)
-
-
-def test_nothing_is_recorded_where_nothing_is_wanted(stage, bench, tmp_path):
-    simulator = start_run(stage, record="false")
-    assert simulator.stop() == 0
-    assert not list(tmp_path.rglob("*.mcap"))
 
 
 def test_a_disk_that_fails_ends_the_recording_and_not_the_run(stage, bench, tmp_path):

@@ -202,3 +202,7 @@ def test_the_response_is_offered_as_the_contract_says(bench):
     assert info.topic_type == "sensor_msgs/msg/JointState"
     assert info.qos_profile.reliability.name == "RELIABLE"
     assert info.qos_profile.durability.name == "VOLATILE"
+
+
+def test_nothing_is_recorded_where_nothing_is_wanted(bench, module_stage):
+    assert not list(module_stage.directory.rglob("*.mcap"))

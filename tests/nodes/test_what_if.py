@@ -1,0 +1,328 @@
+"""What-if queries to a running predictor, which goes on answering velocity samples meanwhile."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import jsonschema
+import pytest
+
+from shimmy_ros.cli.main import main
+from shimmy_ros.gear.parameter_file import reference_parameters
+from shimmy_ros.gear.parameters import Damper, Gear, changed, ranges
+from shimmy_ros.gear.prediction import Predictor
+from shimmy_ros.gear.system import OperatingPoint
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = jsonschema.Draft202012Validator(
+    json.loads((ROOT / "msgs_spec" / "what_if_answer.schema.json").read_text("utf-8")))
+PATIENCE_S = 60.0
+GOOD, BAD, GARBLED = 60, 200, 200
+AT_A_TIME = 40
+LONG = {"id": "long", "taxi_velocity": {"from": 10, "to": 100, "points": 5000},
+        "return": "all_cycles"}
+ANSWERS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
+           "limit_cycle/status")
+
+
+@pytest.fixture(scope="module")
+def random_queries():
+    path = ROOT / "tests" / "what_if" / "random_queries.py"
+    spec = importlib.util.spec_from_file_location("random_queries", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Asker:
+    """Sends queries from a bench and collects the answers by id."""
+
+    def __init__(self, bench):
+        self._bench = bench
+        bench.listen("what_if/answer")
+        self._publisher = bench.node.create_publisher(
+            importlib.import_module("std_msgs.msg").String, "what_if/query",
+            bench.profile("what_if/query"))
+        self._seen = 0
+        self.answers = []
+
+    def join(self, subscribers=1):
+        self._bench.wait_until(
+            lambda: self._publisher.get_subscription_count() == subscribers
+            and self._bench.node.count_publishers("what_if/answer") == 1,
+            "the predictor's what-if topics")
+
+    def send(self, query):
+        text = query if isinstance(query, str) else json.dumps(query)
+        self._publisher.publish(self._publisher.msg_type(data=text))
+
+    def collect(self):
+        """Add what has come in to ``answers``."""
+        received = self._bench.received["what_if/answer"]
+        for message in received[self._seen:]:
+            answer = json.loads(message.data)
+            assert [error.message for error in SCHEMA.iter_errors(answer)] == []
+            self.answers.append(answer)
+        self._seen = len(received)
+
+    def final(self, count, meanwhile=lambda: None):
+        """Wait for this many more final answers and return them."""
+        begin = len(self.answers)
+
+        def found():
+            meanwhile()
+            self.collect()
+            ends = [answer for answer in self.answers[begin:] if answer["state"] != "under_way"]
+            return ends if len(ends) >= count else None
+
+        return self._bench.wait_until(found, f"{count} answers", PATIENCE_S)
+
+    def ask(self, query):
+        """Send a query and return all parts of its answer."""
+        begin = len(self.answers)
+        self.send(query)
+        self.final(1)
+        return self.answers[begin:]
+
+
+def start(stage, **parameters):
+    node = stage.start("predictor", **parameters)
+    bench = stage.bench
+    asker = Asker(bench)
+    bench.listen(*ANSWERS, "/diagnostics")
+    bench.join("predictor")
+    asker.join()
+    return SimpleNamespace(node=node, bench=bench, asker=asker)
+
+
+@pytest.fixture(scope="module")
+def running(module_stage):
+    """A predictor, active, with an asker."""
+    return start(module_stage)
+
+
+def expected(query, values):
+    """What a predictor that has heard nothing before says at ``values``."""
+    gear, damper = reference_parameters()
+    of = {kind: {name: value for name, value in values.items() if name in ranges(kind)}
+          for kind in (Gear, Damper)}
+    return Predictor(query.get("harmonics", 4)).predict(OperatingPoint(
+        changed(gear, **of[Gear]), changed(damper, **of[Damper]),
+        values.get("taxi_velocity", 40.0)))
+
+
+def check(query, parts, random_queries):
+    """That an answer is complete and equal to the predictor's own."""
+    assert parts[-1]["state"] == "complete", (query, parts[-1])
+    points = {point["index"]: point for part in parts for point in part["points"]}
+    names = [name for name in query
+             if name in ranges(Gear) or name in ranges(Damper) or name == "taxi_velocity"]
+    columns = [random_queries.values(query[name]) for name in names]
+    assert sorted(points) == list(range(len(list(itertools.product(*columns)))))
+    for index, values in enumerate(itertools.product(*columns)):
+        prediction = expected(query, dict(zip(names, values, strict=True)))
+        answer = points[index]["limit_cycle"]
+        assert answer["outcome"] == prediction.outcome, (query, values)
+        cycle = prediction.limit_cycle
+        if cycle is None:
+            assert answer["amplitude"] is answer["frequency"] is None
+        else:
+            assert list(answer["amplitude"].values()) == pytest.approx(
+                cycle.amplitude().tolist(), rel=1e-7)
+            assert answer["frequency"] == pytest.approx(cycle.frequency_hz, rel=1e-7)
+
+
+def test_an_answer_is_that_of_the_command(running, capsys):
+    query = {"id": "same", "taxi_velocity": 55.0, "coulomb_torque": 12.0, "harmonics": 6}
+    (answer,) = running.asker.ask(query)
+    assert main(["predict", "--velocity=55", "--coulomb-torque=12", "--harmonics=6", "--json"]) == 0
+    predicted = json.loads(capsys.readouterr().out)
+    ((point),) = answer["points"]
+    for key in ("outcome", "amplitude", "peak_velocity", "frequency", "harmonics", "iterations",
+                "residual", "message"):
+        assert point["limit_cycle"][key] == predicted[key]
+
+
+def test_what_is_not_named_is_as_the_node_has_it(running):
+    bench, asker = running.bench, running.asker
+    live = bench.ask(63.0)
+    (answer,) = asker.ask({"id": "now"})
+    assert answer["inputs"]["taxi_velocity"] == 63.0
+    (point,) = answer["points"]
+    assert point["limit_cycle"]["amplitude"]["swivel"] == pytest.approx(
+        live.amplitude.position[1], rel=1e-9)
+    bench.send_damper("coulomb_torque", 11.0)
+    assert bench.set_parameters("predictor", harmonics=2, gear__trail=0.07) == [(True, "")] * 2
+    bench.await_answer(lambda live: live.values["coulomb_torque"] == "11.0"
+                       and live.values["harmonics"] == "2", "the change")
+    (answer,) = asker.ask({"id": "changed", "linear_damping": 3})
+    inputs = answer["inputs"]
+    assert (inputs["coulomb_torque"], inputs["linear_damping"]) == (11.0, 3.0)
+    assert (inputs["harmonics"], inputs["trail"]) == (2, 0.07)
+    # Asking changes nothing.
+    assert bench.get_parameters("predictor", "damper.linear_damping") == [2.0]
+    bench.send_damper("coulomb_torque", 20.0)
+    assert all(success for success, _ in bench.set_parameters(
+        "predictor", harmonics=4, gear__trail=0.08))
+    bench.await_answer(lambda live: live.values["coulomb_torque"] == "20.0", "the change")
+
+
+def test_a_long_grid_comes_in_parts_and_is_cancelled(running):
+    asker = running.asker
+    parts = asker.ask({"id": "grid", "taxi_velocity": {"from": 10, "to": 100, "points": 500}})
+    assert len(parts) >= 5
+    assert [part["done"] for part in parts] == list(
+        itertools.accumulate(len(part["points"]) for part in parts))
+    assert {(part["id"], part["of"]) for part in parts} == {("grid", 500)}
+    begin = len(asker.answers)
+    asker.send(LONG)
+    asker.send({"id": "end", "cancel": "long"})
+    asker.final(2)
+    states = [(answer["id"], answer["state"]) for answer in asker.answers[begin:]]
+    assert states == [("long", "cancelled"), ("end", "complete")]
+
+
+def test_the_size_of_a_query_is_bounded_by_a_parameter(running):
+    query = {"id": "size", "taxi_velocity": [30.0, 40.0, 50.0]}
+    bench = running.bench
+    assert bench.set_parameters("predictor", what_if_maximum_points=2) == [(True, "")]
+    (answer,) = running.asker.ask(query)
+    assert (answer["state"], answer["where"]) == ("refused", "taxi_velocity")
+    assert not bench.set_parameters("predictor", what_if_maximum_points=0)[0][0]
+    assert bench.set_parameters("predictor", what_if_maximum_points=10_000) == [(True, "")]
+    assert running.asker.ask(query)[-1]["state"] == "complete"
+
+
+def test_random_queries_while_samples_are_answered(running, random_queries):
+    bench, asker = running.bench, running.asker
+    bench.ask(40.0)
+    good = {seed: random_queries.good(seed) for seed in range(GOOD)}
+    bad = [random_queries.text(random_queries.bad(seed)[0], seed) for seed in range(BAD)]
+    garbled = [random_queries.garbled(seed) for seed in range(GARBLED)]
+    texts = [random_queries.text(query, seed) for seed, query in good.items()]
+    # No more at a time than the queues of the topics hold.
+    waiting = [text for text in itertools.chain.from_iterable(
+        itertools.zip_longest(texts, bad, garbled)) if text is not None]
+    begin = len(asker.answers)
+    stamps = []
+
+    def stream():
+        # A live sample with every turn of the executor: all have to be answered, or newer ones.
+        stamps.append(bench.send_velocity(40.0))
+
+    sent = 0
+    while waiting:
+        batch, waiting = waiting[:AT_A_TIME], waiting[AT_A_TIME:]
+        for text in batch:
+            asker.send(text)
+        sent += len(batch)
+        asker.final(len(batch), stream)
+    answers = asker.answers[begin:]
+    assert sum(answer["state"] != "under_way" for answer in answers) == sent
+    for seed, query in good.items():
+        check(query, [answer for answer in answers if answer["id"] == f"good-{seed}"],
+              random_queries)
+    refused = [answer for answer in answers if answer["state"] == "refused"]
+    assert all(answer["message"] for answer in refused)
+    named = {answer["id"] for answer in refused}
+    assert sum(f"bad-{seed}" in named for seed in range(BAD)) > BAD // 2
+    states = {answer["state"] for answer in answers}
+    assert states <= {"under_way", "complete", "refused"}
+    assert len(refused) >= BAD
+    bench.await_answer(lambda answer: answer.status.header.stamp.sec == stamps[-1],
+                       "an answer to the last sample")
+
+
+def test_a_process_that_dies_is_told_of_and_replaced(running):
+    asker, bench = running.asker, running.bench
+    assert asker.ask({"id": "first"})[-1]["state"] == "complete"
+    asker.send({**LONG, "id": "lost"})
+    bench.spin_for(0.2)
+    (worker,) = children(running.node)
+    os.kill(worker, signal.SIGKILL)
+    (answer,) = asker.final(1)
+    assert (answer["id"], answer["state"]) == ("lost", "failed")
+    assert asker.ask({"id": "next"})[-1]["state"] == "complete"
+    status = bench.await_diagnostic("predictor: what if", lambda status: status.level == b"\x01",
+                                    "the loss in the diagnostics")
+    assert {item.key: item.value for item in status.values}["processes lost"] == "1"
+
+
+def children(node):
+    """The process ids of the children of a node's process."""
+    return [int(child) for task in Path(f"/proc/{node._process.pid}/task").iterdir()
+            for child in (task / "children").read_text().split()]
+
+
+def test_before_the_first_sample_a_query_names_the_velocity(stage):
+    fresh = start(stage)
+    (answer,) = fresh.asker.ask({"id": "early"})
+    assert (answer["state"], answer["where"]) == ("refused", "taxi_velocity")
+    (answer,) = fresh.asker.ask({"id": "named", "taxi_velocity": 30})
+    assert answer["state"] == "complete"
+
+
+def test_a_node_that_is_not_active_says_so_and_one_that_ends_leaves_nothing(stage):
+    node = start(stage)
+    bench, asker = node.bench, node.asker
+    assert asker.ask({"id": "a", "taxi_velocity": 30})[-1]["state"] == "complete"
+    assert bench.change_state("predictor", "deactivate")
+    (answer,) = asker.ask({"id": "b", "taxi_velocity": 30})
+    assert (answer["id"], answer["state"]) == ("b", "refused")
+    assert "not active" in answer["message"]
+    assert bench.change_state("predictor", "activate")
+    assert asker.ask({"id": "c", "taxi_velocity": 30})[-1]["state"] == "complete"
+    assert bench.change_state("predictor", "deactivate")
+    assert bench.change_state("predictor", "cleanup")
+    assert children(node.node) == []
+    assert bench.change_state("predictor", "configure")
+    assert bench.change_state("predictor", "activate")
+    asker.join()
+    asker.send(LONG)
+    bench.wait_until(lambda: children(node.node), "a worker")
+    (worker,) = children(node.node)
+    assert node.node.stop() == 0, node.node.log()
+    end = time.monotonic() + PATIENCE_S
+    while Path(f"/proc/{worker}").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{worker}").exists()
+
+
+def test_bytes_that_are_no_text_are_refused(running):
+    asker = running.asker
+    begin = len(asker.answers)
+    for data in (b"\x00\x01\x00\x00\x03\x00\x00\x00\xff\xfe\x00", b"\x00\x01\x00\x00\xff\x00\x00"):
+        asker._publisher.publish(data)
+    answers = asker.final(2)
+    assert len(asker.answers) == begin + 2
+    assert {answer["state"] for answer in answers} == {"refused"}
+    assert all("no std_msgs/msg/String" in answer["message"] for answer in answers)
+
+
+def test_the_conversation_is_in_the_simulators_bag(stage, tmp_path):
+    from shimmy_ros.bag.reader import read_messages
+    from shimmy_ros.contract.messages import CODECS
+
+    bag = tmp_path / "bag"
+    stage.start("simulator", bag_directory=f'"{bag}"')
+    fresh = SimpleNamespace(node=stage.start("predictor"), bench=stage.bench,
+                            asker=Asker(stage.bench))
+    fresh.bench.join("predictor", "simulator")
+    fresh.asker.join(subscribers=2)
+    query = {"id": "kept", "taxi_velocity": 30}
+    parts = fresh.asker.ask(query)
+    fresh.bench.spin_for(1.0)
+    for node in stage._nodes:
+        assert node.stop() == 0, node.log()
+    texts = {topic: [CODECS[topic].decode(message.data)
+                     for message in read_messages(bag, (f"/test/{topic}",))]
+             for topic in ("what_if/query", "what_if/answer")}
+    assert [json.loads(text) for text in texts["what_if/query"]] == [query]
+    assert [json.loads(text) for text in texts["what_if/answer"]] == parts
