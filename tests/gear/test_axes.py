@@ -52,7 +52,7 @@ def test_rate_at_the_upper_bound_looks_downwards():
 
 
 def test_unknown_names_and_values_out_of_range_are_refused():
-    with pytest.raises(ParameterError, match=r"'gear\.trial' is not a parameter; the known ones are"):
+    with pytest.raises(ParameterError, match=r"'gear\.trial' is not a parameter; the known ones"):
         Axis("gear.trial")
     with pytest.raises(ParameterError, match="taxi_velocity is 0, but must be in"):
         Axis(VELOCITY).at(POINT, 0.0)
