@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections import Counter
 
 import numpy as np
@@ -101,13 +100,4 @@ def test_a_run_that_is_stopped_leaves_what_there_is(stage, start, tmp_path, numb
     assert "Traceback" not in log
     assert (file.parent / "metadata.yaml").is_file()
     assert (tmp_path / "out" / "braking.png").is_file()
-    assert_no_node_is_left(stage.bench)
-
-
-@pytest.mark.parametrize("after_s", [0.4, 1.0])
-def test_a_run_that_is_stopped_before_it_begins_leaves_no_node(stage, start, tmp_path, after_s):
-    process = start()
-    time.sleep(after_s)
-    process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE_S) in (130, -signal.SIGINT)
     assert_no_node_is_left(stage.bench)
