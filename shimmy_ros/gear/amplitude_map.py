@@ -82,7 +82,7 @@ class AmplitudeMap:
                     self.losses.append(str(error))
 
     def _carry_all(self, before: Diagram, row: Diagram) -> None:
-        """Begin branches of ``row`` from the row before: amid each of its, then in the gaps."""
+        """Begin branches of ``row`` from the row before: amid each, and where one is missing."""
         members: dict[int, list[int]] = {}
         for index in range(len(self.xs)):
             for point in before.stable(index):

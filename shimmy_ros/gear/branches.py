@@ -45,7 +45,7 @@ Real = NDArray[np.float64]
 
 AUTO = "auto"
 METHODS = (AUTO, BALANCE, SHOOTING)
-DEFAULT_ACCURACY = 0.005
+DEFAULT_ACCURACY = 0.01
 # A branch ends where the swivel is smaller than this part of its largest amplitude on the branch,
 # and where it is larger than this many radians.
 SMALLEST_PART = 1e-3
@@ -130,12 +130,14 @@ def follow(line: Line, start: Orbit, position: float, direction: int, settings: 
            stops: tuple[float, ...] = ()) -> Iterator[BranchPoint]:
     """The branch through ``start``, which is at ``position``, setting out in ``direction``, +-1.
 
-    Yields the start, then the points in order, with one at every position of ``stops`` that is
-    passed, the folds, and the ends of the line. Ends where the branch leaves the line, where it has
-    shrunk to nothing or grown without bound, and with the start again where it is closed.
+    Yields the start, by a method that the settings accept, then the points in order, with one at
+    every position of ``stops`` that is passed, the folds, and the ends of the line. Ends where the
+    branch leaves the line, where it has shrunk to nothing or grown without bound, and with the
+    start again where it is closed.
 
     Raises ContinuationError where the branch cannot be followed any further.
     """
+    start = _accepted(line.system(position), start, settings)
     here = BranchPoint(position, start, float(direction))
     yield here
     if _leaves(here):
@@ -177,6 +179,20 @@ def carry(start: Orbit, origin: OperatingPoint, target: OperatingPoint, settings
         if point.position == 1.0:
             return point.orbit
     return None
+
+
+def _accepted(system: System, orbit: Orbit, settings: Settings) -> Orbit:
+    """``orbit``, or its counterpart by a method that the settings accept."""
+    if settings.accepts(orbit):
+        return orbit
+    if settings.method != SHOOTING:
+        balanced = balance_near(system, orbit, settings.harmonics)
+        if balanced is not None and settings.accepts(balanced):
+            return balanced
+    shot = None if settings.method == BALANCE else shoot(system, *orbit.initial_state())
+    if shot is None or not shot.same_as(orbit, 1e-3):
+        raise ContinuationError("the start of the branch could not be confirmed")
+    return shot
 
 
 def _leaves(point: BranchPoint) -> bool:

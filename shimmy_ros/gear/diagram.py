@@ -22,6 +22,9 @@ from .orbits import Orbit
 from .parameters import ParameterError
 from .system import OperatingPoint, family_between
 
+# Behind a fold, a branch with a larger multiplier than this leads away from stable cycles.
+_UNSTABLE_FOR_GOOD = 1.5
+
 
 @dataclass(frozen=True)
 class DiagramPoint:
@@ -57,8 +60,10 @@ class Diagram:
         self.points: list[DiagramPoint] = []
         self.losses: list[str] = []
         self.undecided: set[int] = set()
-        self._grid = [axis.at(point, value) for value in self.values]
         low, high = self.values[0], self.values[-1]
+        # The ends first: they are what a user named.
+        ends = [axis.at(point, value) for value in (low, high)]
+        self._grid = [ends[0], *(axis.at(point, value) for value in self.values[1:-1]), ends[1]]
         self._positions = [(value - low) / (high - low) for value in self.values]
         self._index = {position: i for i, position in enumerate(self._positions)}
         self._line = Line(family_between(self._grid[0], self._grid[-1]))
@@ -101,30 +106,50 @@ class Diagram:
         for index, point in enumerate(self._grid):
             if not self.stable(index):
                 quick, _ = quick_cycle(point, self.settings)
-                if quick is not None and quick.stable:
+                if quick is not None and quick.stable is not False:
                     yield from self.trace(index, quick, only_to_fold=True)
         if self.losses:
             for index in range(len(self._grid)):
                 if not self.stable(index) and index not in self.undecided:
                     yield from self._search_growing(index)
+        for index in range(len(self._grid)):
+            if not self.stable(index) and any(
+                    point.orbit.stable is None for point in self.cycles(index)):
+                self._lose(index, "the balance cannot tell stability where the swivel sticks")
+                self.undecided.add(index)
 
     def trace(self, index: int, start: Orbit, only_to_fold: bool = False
               ) -> Iterator[DiagramPoint]:
-        """The branch through ``start`` at value number ``index``, up and then down."""
+        """The branch through ``start`` at value number ``index``, up and then down.
+
+        ``only_to_fold`` ends it in a fold, unless it soon becomes stable again behind.
+        """
         branch, position = self._branches, self._positions[index]
         self._branches += 1
         for direction in (1, -1):
-            order, closed = 0, False
+            order, closed, origin = 0, False, start
+            # Unstable points wait until the branch has become stable again.
+            waiting: list[DiagramPoint] = []
             try:
                 for there in follow(self._line, start, position, direction, self.settings,
                                     tuple(self._positions)):
+                    if order == 0:
+                        origin = there.orbit
                     closed = order > 0 and there.position == position and (
-                        there.orbit.same_as(start))
-                    if order or direction > 0:
-                        yield self._record(branch, order, there, closed)
+                        there.orbit.same_as(origin))
+                    point = self._point(branch, order, there, closed)
                     order += direction
-                    if there.is_fold and only_to_fold:
-                        break
+                    if order == direction < 0:
+                        continue
+                    if only_to_fold and there.orbit.stable is False:
+                        if there.orbit.multiplier > _UNSTABLE_FOR_GOOD:
+                            break
+                        waiting.append(point)
+                        continue
+                    for found in (*waiting, point):
+                        self.points.append(found)
+                        yield found
+                    waiting = []
             except ContinuationError as error:
                 self._lose(index, error)
             if closed:
@@ -155,14 +180,12 @@ class Diagram:
         if growing is not None:
             yield from self.trace(index, growing, only_to_fold=True)
 
-    def _record(self, branch: int, order: int, there: BranchPoint, closing: bool) -> DiagramPoint:
+    def _point(self, branch: int, order: int, there: BranchPoint, closing: bool) -> DiagramPoint:
         index = self._index.get(there.position)
         low, high = self.values[0], self.values[-1]
         value = low + there.position * (high - low) if index is None else self.values[index]
-        point = DiagramPoint(branch, order, value, there.orbit, there.is_fold,
-                             index is not None and not closing)
-        self.points.append(point)
-        return point
+        return DiagramPoint(branch, order, value, there.orbit, there.is_fold,
+                            index is not None and not closing)
 
-    def _lose(self, index: int, error: ContinuationError) -> None:
-        self.losses.append(f"{self.axis.name} {self.values[index]:g}: {error}")
+    def _lose(self, index: int, reason: object) -> None:
+        self.losses.append(f"{self.axis.name} {self.values[index]:g}: {reason}")

@@ -30,7 +30,8 @@ from .system import OperatingPoint, family_between, gear_system
 Real = NDArray[np.float64]
 
 # Lengths are parts of the ranges of both parameters.
-_FIRST_STEP = 0.04
+# The first direction is only that across the line on which the fold was found.
+_PROBE, _FIRST_STEP = 0.004, 0.03
 _LARGEST_STEP = 0.06
 _SMALLEST_STEP = 1e-3
 # How far from the curve the stable cycle is kept, as part of the step.
@@ -38,6 +39,7 @@ _OFFSET = 0.4
 # A step may turn the curve by this cosine, one that is short by more.
 _STEEPEST_TURN = 0.9
 _SHORT_STEP = 0.012
+_LONGEST_CHORD = 3.0
 _MOST_POINTS = 400
 
 
@@ -106,7 +108,8 @@ def fold_curve(window: Window, fold: FoldPoint, inside: tuple[float, float], sta
 def _walk(window: Window, start: Real, along: Real, across: Real, beside: tuple[Real, Orbit],
           settings: Settings) -> Iterator[tuple[Real, Orbit]]:
     """The folds from ``start`` in the direction ``along``; ``across`` points to the cycles."""
-    here, step, offset = start, _FIRST_STEP, _OFFSET * _FIRST_STEP
+    here, step, offset = start, _PROBE, _OFFSET * _FIRST_STEP
+    probing = True
     for _ in range(_MOST_POINTS):
         try:
             found = _fold_ahead(window, here + step * along, offset * across, beside, settings)
@@ -119,7 +122,8 @@ def _walk(window: Window, start: Real, along: Real, across: Real, beside: tuple[
             chord = found.place - here
             length = float(np.linalg.norm(chord))
             forward = float(chord @ along) / length
-            if forward < (_STEEPEST_TURN if step > _SHORT_STEP else 0.0) or length > 3.0 * step:
+            turned = forward < (_STEEPEST_TURN if step > _SHORT_STEP else 0.0)
+            if turned or (length > _LONGEST_CHORD * step and not probing):
                 found = None
         if found is None:
             # The offset stays, so that a direction that was wrong does not matter in the end.
@@ -130,16 +134,18 @@ def _walk(window: Window, start: Real, along: Real, across: Real, beside: tuple[
                     f"the curve of folds could not be followed beyond {window.first.name} "
                     f"{first:g}, {window.second.name} {second:g}")
             continue
-        yield found.place, found.orbit
+        if not probing:
+            yield found.place, found.orbit
         if np.any((found.place < 0.0) | (found.place > 1.0)) or (
-                np.linalg.norm(found.place - start) < 0.5 * step):
+                not probing and np.linalg.norm(found.place - start) < 0.5 * step):
             return
         along = chord / length
         normal = np.array([-along[1], along[0]])
         across = normal if float(normal @ across) > 0.0 else -normal
         here, beside = found.place, (found.inside, found.stable)
-        step = min(1.5 * step, _LARGEST_STEP)
+        step = _FIRST_STEP if probing else min(1.5 * step, _LARGEST_STEP)
         offset = _OFFSET * step
+        probing = False
 
 
 class _Found(NamedTuple):

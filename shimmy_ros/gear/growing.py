@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from ..ihb.solution import Outcome
 from ..ihb.solve import solve_cold
-from .branches import BALANCE, ContinuationError, Settings, carry
+from .branches import BALANCE, ContinuationError, Line, Settings, follow
 from .orbits import Orbit, balance_orbit, shoot
 from .parameters import changed
-from .system import OperatingPoint, gear_system
+from .system import OperatingPoint, family_between, gear_system
 
 # Friction from which a branch is followed up to the one asked for.
 _WEAKER = (0.5, 0.2, 0.05, 0.0)
@@ -31,13 +31,18 @@ def growing_cycle(point: OperatingPoint, settings: Settings) -> Orbit | None:
             raise ContinuationError("the balance did not converge")
         return None
     # With few harmonics the balance sees folds too early or too late, and none where it sticks.
+    released = replace(point, damper=changed(point.damper, coulomb_torque=0.0))
+    line = Line(family_between(released, point))
     for factor in _WEAKER:
-        weak = replace(point, damper=changed(
-            point.damper, coulomb_torque=factor * point.damper.coulomb_torque))
-        cold = solve_cold(gear_system(weak), settings.harmonics)
+        system = line.system(factor)
+        cold = solve_cold(system, settings.harmonics)
         if cold.limit_cycle is not None:
-            start = balance_orbit(gear_system(weak), cold.limit_cycle)
-            return carry(start, weak, point, settings)
+            start = balance_orbit(system, cold.limit_cycle)
+            # If need be through two folds, or four.
+            for there in follow(line, start, factor, 1, settings):
+                if there.position == 1.0 and there.orbit.stable:
+                    return there.orbit
+            return None
         outcome = cold.outcome
     if outcome is Outcome.FAILED:
         raise ContinuationError("neither the balance nor shooting converged")

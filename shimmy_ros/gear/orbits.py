@@ -78,8 +78,12 @@ class Orbit:
                 cycle.period)
 
     def same_as(self, other: Orbit, tolerance: float = 1e-5) -> bool:
-        """Whether both are the same cycle within ``tolerance`` and their estimated errors."""
-        allowed = tolerance + self.error + other.error
+        """Whether both are the same cycle within ``tolerance``.
+
+        Where one is not of the other's method, their estimated errors are allowed for as well.
+        """
+        alike = (self.method, self.harmonics) == (other.method, other.harmonics)
+        allowed = tolerance if alike else tolerance + self.error + other.error
         return bool(
             np.all(np.abs(self.amplitude - other.amplitude) <= allowed * other.amplitude)
             and abs(self.frequency_hz - other.frequency_hz) <= allowed * other.frequency_hz)

@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from ..gear.amplitude_map import AmplitudeMap
+
+# Amplitudes that differ by more are coloured by their logarithm.
+_WIDE = 10.0
 
 
 def draw_map(shimmy: AmplitudeMap, title: str, file: Path) -> None:
@@ -24,7 +28,10 @@ def draw_map(shimmy: AmplitudeMap, title: str, file: Path) -> None:
             if orbit is not None:
                 swing[row, column] = np.degrees(orbit.swivel)
     axis.set_facecolor("0.9")
-    colors = axis.pcolormesh(shimmy.xs, shimmy.ys, swing, shading="nearest", cmap="viridis")
+    low, high = np.nanmin(swing, initial=np.inf), np.nanmax(swing, initial=0.0)
+    norm = LogNorm(low, high) if _WIDE * low < high else None
+    colors = axis.pcolormesh(shimmy.xs, shimmy.ys, swing, shading="nearest", cmap="viridis",
+                             norm=norm)
     figure.colorbar(colors, ax=axis, label="swivel amplitude [deg]; grey: no limit cycle")
     for number, curve in enumerate(shimmy.curves):
         ordered = sorted(curve, key=lambda fold: fold.order)

@@ -21,6 +21,8 @@ _GROWTH = 1.5
 _SMALLEST_STEP = 1e-6
 _STEEPEST_TURN = 0.9
 _LARGEST_SHRINKAGE = 0.3
+# By more the period does not change on the way to convergence.
+_LARGEST_RATIO = 2.0
 _PARAMETER_DIFFERENCE = 1e-5
 _FOLD_ACCURACY = 1e-10
 _NOTHING = 1e-6
@@ -187,8 +189,10 @@ def _converged(family: _Family, unknowns: Real, condition: _Condition,
                heading: Real) -> _Point | None:
     """Newton's method for the equations and one condition; the tangent points along ``heading``."""
     last = np.inf
+    shortest, longest = unknowns[-2] / _LARGEST_RATIO, unknowns[-2] * _LARGEST_RATIO
     for iteration in range(_ITERATIONS + 1):
-        if not (family.bounds[0] <= unknowns[-1] <= family.bounds[1] and unknowns[-2] > 0.0):
+        if not (family.bounds[0] <= unknowns[-1] <= family.bounds[1]
+                and shortest <= unknowns[-2] <= longest):
             return None
         try:
             shot = family.shoot(unknowns)

@@ -1,0 +1,120 @@
+"""``shimmy sweep``: tables, JSON, pictures, exit status, and what an interruption leaves."""
+
+import csv
+import io
+import json
+import signal
+
+import pytest
+from matplotlib.image import imread
+
+from shimmy_ros.cli.main import main
+from shimmy_ros.gear.diagram import Diagram
+
+NARROW = ["sweep", "coulomb_torque", "--velocity", "40", "--from", "150", "--to", "170",
+          "--step", "5"]
+
+
+def rows_of(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_sweep_prints_every_value_up_and_down(capsys):
+    assert main(NARROW) == 0
+    rows = rows_of(capsys.readouterr().out)
+    values = [150.0, 155.0, 160.0, 165.0, 170.0]
+    assert [float(row["damper.coulomb_torque"]) for row in rows] == values + values[::-1]
+    assert [row["direction"] for row in rows] == 5 * ["up"] + 5 * ["down"]
+    expected = 3 * ["limit_cycle"] + 2 * ["no_limit_cycle"]
+    assert [row["outcome"] for row in rows] == expected + expected[::-1]
+    for row in rows:
+        found = row["outcome"] == "limit_cycle"
+        assert row["stable"] == ("true" if found else "")
+        assert bool(row["swivel_rad"]) == found
+        if found:
+            assert 0.06 < float(row["swivel_rad"]) < 0.09
+            assert float(row["estimated_error"]) <= 0.01
+            assert row["method"] in ("ihb", "shooting")
+
+
+def test_velocity_is_what_is_swept_by_default_and_the_end_is_met(capsys):
+    assert main(["sweep", "--from", "30", "--to", "41", "--step", "5", "--direction", "up"]) == 0
+    rows = rows_of(capsys.readouterr().out)
+    assert [float(row["taxi_velocity"]) for row in rows] == [30.0, 35.0, 40.0, 41.0]
+    assert float(rows[2]["swivel_rad"]) == pytest.approx(0.12070, abs=1e-4)
+    assert float(rows[2]["frequency_hz"]) == pytest.approx(12.029, abs=2e-3)
+
+
+def test_all_branches_go_to_files_of_each_kind(tmp_path, capsys):
+    files = {kind: tmp_path / f"all.{kind}" for kind in ("csv", "json", "png")}
+    assert main([*NARROW, "--all", "--csv", str(files["csv"]), "--json", str(files["json"]),
+                 "--plot", str(files["png"])]) == 0
+    assert capsys.readouterr().out == ""
+    table = rows_of(files["csv"].read_text())
+    content = json.loads(files["json"].read_text())
+    assert content["parameters"] == ["damper.coulomb_torque"]
+    assert content["taxi_velocity"] == 40.0
+    assert content["damper"]["quadratic_damping"] == 10.0
+    assert content["problems"] == []
+    assert len(content["points"]) == len(table)
+    for row, point in zip(table, content["points"], strict=True):
+        assert float(row["swivel_rad"]) == point["swivel_rad"]
+        assert int(row["branch"]) == point["branch"]
+    (fold,) = [point for point in content["points"] if point["fold"]]
+    assert fold["damper.coulomb_torque"] == pytest.approx(163.8147, abs=1e-3)
+    at_start = [point for point in content["points"]
+                if point["on_grid"] and point["damper.coulomb_torque"] == 150.0]
+    assert sorted(point["stable"] for point in at_start) == [False, False, True]
+    picture = imread(files["png"])
+    assert picture.shape[0] > 500
+    assert picture[..., :3].std() > 0.05
+
+
+def test_an_interruption_leaves_what_is_finished(tmp_path, monkeypatch):
+    whole = Diagram.trace_stable
+
+    def interrupted(self):
+        for count, point in enumerate(whole(self)):
+            if count == 3:
+                signal.raise_signal(signal.SIGINT)
+            yield point
+
+    monkeypatch.setattr(Diagram, "trace_stable", interrupted)
+    table = tmp_path / "part.csv"
+    assert main([*NARROW, "--csv", str(table)]) == 130
+    rows = rows_of(table.read_text())
+    assert 0 < len(rows) < 10
+    assert {row["outcome"] for row in rows} == {"limit_cycle"}
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["trial", "--from", "0", "--to", "1"], "'trial' is not a parameter"),
+    (["trail", "--from", "0", "--to", "0.1"], "--velocity is missing"),
+    (["trail", "--from", "0", "--to", "0.1", "--velocity", "0"], "--velocity is 0, but must be"),
+    (["--from", "10", "--to", "10"], "--from 10 --to 10 is no range"),
+    (["--from", "10", "--to", "20", "--step", "0"], "--step is 0, but must be positive"),
+    (["--from", "10", "--to", "300"], "taxi_velocity is 300, but must be in"),
+    (["trail", "--from", "0", "--to", "0.8", "--velocity", "40"], "mass matrix"),
+    (["--from", "10", "--to", "20", "--accuracy", "2"], "accuracy is 2, but must be"),
+    (["--from", "10", "--to", "20", "--harmonics", "0"], "harmonics is 0, but must be"),
+    (["--from", "10", "--to", "20", "--csv", "/nowhere/x.csv"], "/nowhere/x.csv cannot be written"),
+])
+def test_bad_input_is_refused_in_a_sentence(arguments, message, capsys):
+    assert main(["sweep", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("shimmy: ")
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_a_balance_that_sticks_is_no_answer(capsys):
+    """At 10 m/s the swivel begins to stick before the fold, which the balance cannot see."""
+    assert main(["sweep", "coulomb_torque", "--velocity", "10", "--from", "60", "--to", "120",
+                 "--step", "20", "--method", "ihb", "--direction", "up"]) == 1
+    captured = capsys.readouterr()
+    outcomes = [row["outcome"] for row in rows_of(captured.out)]
+    assert outcomes[0] == "limit_cycle"
+    assert outcomes[1:] == 3 * ["not_converged"]
+    assert "did not converge" in captured.err
+    assert "sticks" in captured.err
