@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-import numpy as np
-
 from ..gear.limit_cycles import FoundCycle
 from ..gear.matrices import NAMES
 from ..gear.orbits import Orbit
@@ -78,6 +76,6 @@ def _threshold(threshold: Threshold | None) -> Json | None:
     return None if threshold is None else {"starts": threshold.starts, "dies": threshold.dies}
 
 
-def failure(error: ArithmeticError | np.linalg.LinAlgError) -> Json:
+def failure(error: BaseException) -> Json:
     """What did not converge."""
     return {"outcome": NOT_CONVERGED, "message": f"did not converge: {error}"}

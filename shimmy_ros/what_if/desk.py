@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from time import monotonic
 
-from .evaluate import evaluate
+from .evaluate import TooLongError, evaluate
 from .query import Cancel, Present, Query
 from .reading import id_of, read_query
 from .reply import CANCELLED, COMPLETE, FAILED, REFUSED, UNDER_WAY, Json, Reply
@@ -99,7 +99,7 @@ class Desk:
                 if now >= end:
                     self._active.rotate(-1)
                     return
-        except Exception as error:
+        except (Exception, TooLongError) as error:
             # A defect of the solver: whoever asked is told, and others get their answers.
             traceback.print_exc(file=sys.stderr)
             self._active.remove(active)
@@ -123,6 +123,14 @@ class Desk:
         """
         if self._running is not None and self._running.query.id == target:
             raise Interrupted
+
+    def give_up(self, reason: str) -> None:
+        """End the slice that is running without its result; the query goes on.
+
+        For the handler of a signal in the thread of step(). Raises TooLongError.
+        """
+        if self._running is not None:
+            raise TooLongError(reason)
 
     def _check_room(self, query: Query) -> None:
         if query.id is not None and any(item.query.id == query.id for item in self._active):

@@ -37,6 +37,13 @@ Work = Generator[None, None, Json]
 """Work that pauses between slices and returns a result."""
 
 
+class TooLongError(BaseException):
+    """Raised from a signal handler into work that takes too long; no solver takes it for its own.
+
+    The block of the point that was being worked on is given up, and the next one begun.
+    """
+
+
 def evaluate(query: Query) -> Iterator[Json | None]:
     """The answer to each point as soon as it is known, and None where the work may pause."""
     blocks = _blocks(query)
@@ -45,7 +52,7 @@ def evaluate(query: Query) -> Iterator[Json | None]:
         for name, work in blocks.items():
             try:
                 answer[name] = yield from work(point)
-            except (ArithmeticError, np.linalg.LinAlgError) as error:
+            except (ArithmeticError, np.linalg.LinAlgError, TooLongError) as error:
                 answer[name] = failure(error)
         yield answer
 

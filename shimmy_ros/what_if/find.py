@@ -14,7 +14,7 @@ import math
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 
-from ..gear.branches import Settings, carry
+from ..gear.branches import LARGEST_SWIVEL, Settings, carry
 from ..gear.growing import growing_cycle
 from ..gear.orbits import Orbit
 from ..gear.system import OperatingPoint
@@ -37,7 +37,8 @@ _PRECISION = 5e-4
 # Steps from a value at which the limit holds: relative to it, and to the way to go.
 _STEP, _LEAST_STEP = 0.1, 1e-3
 # Steps from a value at which oscillations grow without bound, in parts of the way to go.
-_NUDGES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
+_NUDGES = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
+_LARGEST_SWIVEL = 0.5 * LARGEST_SWIVEL
 
 
 def find(wanted: Find, point: OperatingPoint, settings: Settings) -> Generator[None, None, Json]:
@@ -122,19 +123,20 @@ class _Search:
     def _released(self, value: float, end: float, peak: Sample
                   ) -> Generator[None, None, Release | None]:
         """Where ``peak``, a cycle at ``value``, is released on the way to ``end``."""
-        start = value
-        if math.isinf(peak.amplitude):
-            for part in _NUDGES:
-                start = value + part * (end - value)
-                if math.isfinite(self._scan.amplitude(self._at(start, peak.velocity))):
-                    break
-                yield
-            else:
-                return None
-        point = self._at(start, peak.velocity)
-        orbit = growing_cycle(point, self._settings)
-        yield
-        return (yield from release(point, orbit, self._course(start, end), self._settings))
+        for part in _NUDGES:
+            start = value + part * (end - value)
+            point = self._at(start, peak.velocity)
+            if part == 0.0 and math.isinf(peak.amplitude):
+                continue
+            orbit = growing_cycle(point, self._settings)
+            yield
+            # Without bound, or nearly so, where the damper takes next to no energy.
+            if orbit is None and math.isinf(self._scan.amplitude(point)):
+                continue
+            if orbit is None or orbit.swivel < _LARGEST_SWIVEL:
+                return (yield from release(point, orbit, self._course(start, end),
+                                           self._settings))
+        return None
 
     def _furthest(self, begin: float, end: float, best: Release
                   ) -> Generator[None, None, Release | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
-from ..gear.branches import Line, Settings, carry, follow
+from ..gear.branches import ContinuationError, Line, Settings, carry, follow
 from ..gear.orbits import Orbit
 from ..gear.system import OperatingPoint, family_between
 from .query import VELOCITY, value_of, with_values
@@ -72,22 +72,29 @@ def release(point: OperatingPoint, start: Orbit | None, course: Course, settings
     """
     if start is None or course.excess(start) <= 0.0:
         raise NotExceededError(f"the limit is not exceeded at {point.velocity:g} m/s")
-    begin = before = value_of(point, course.parameter)
-    orbit = start
+    begin = value_of(point, course.parameter)
     line = Line(family_between(point, course.at(point, course.end)))
-    for here in follow(line, start, 0.0, 1, settings):
-        yield
-        value = begin + min(max(here.position, 0.0), 1.0) * (course.end - begin)
-        if here.is_fold and course.excess(here.orbit) >= 0.0:
-            return course.released(point, value, FOLD, here.orbit)
-        if course.excess(here.orbit) < 0.0:
-            return (yield from _crossing(
-                point, course, settings, before, orbit, value, course.excess(here.orbit)))
-        before, orbit = value, here.orbit
-    if before == course.end:
-        return None
-    # The branch has shrunk to nothing on the way.
-    return course.released(point, before, AMPLITUDE, orbit)
+    position, orbit = 0.0, start
+
+    def value(place: float) -> float:
+        return begin + min(max(place, 0.0), 1.0) * (course.end - begin)
+
+    while position < 1.0:
+        at_first = position
+        for here in follow(line, orbit, position, 1, settings):
+            yield
+            excess = course.excess(here.orbit)
+            if here.is_fold and excess >= 0.0:
+                return course.released(point, value(here.position), FOLD, here.orbit)
+            if excess < 0.0:
+                return (yield from _crossing(point, course, settings, value(position), orbit,
+                                             value(here.position), excess))
+            position, orbit = here.position, here.orbit
+        # A branch is taken to end where its cycles are small compared with its largest; these
+        # still exceed the limit.
+        if position == at_first:
+            raise ContinuationError(f"the branch ends at {course.parameter} {value(position):g}")
+    return None
 
 
 def release_near(point: OperatingPoint, near: Release, course: Course, settings: Settings

@@ -22,6 +22,8 @@ from .reply import to_text
 from .text import QueryError, read_mapping
 
 _NICENESS = 10
+# Computing time of one slice, after which its point is given up, since others wait.
+_LONGEST_SLICE_S = 60.0
 
 
 def main() -> NoReturn:
@@ -41,6 +43,8 @@ def main() -> NoReturn:
             desk.interrupt(targets.pop())
 
     signal.signal(signal.SIGUSR1, interrupt)
+    signal.signal(signal.SIGVTALRM, lambda number, frame: desk.give_up(
+        f"it took more than {_LONGEST_SLICE_S:g} s of computing"))
     worker = threading.get_ident()
 
     def read() -> None:
@@ -59,7 +63,9 @@ def main() -> NoReturn:
         while not desk.busy or not lines.empty():
             _take(desk, lines.get())
             _write(desk, answers)
+        signal.setitimer(signal.ITIMER_VIRTUAL, _LONGEST_SLICE_S)
         desk.step()
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
         _write(desk, answers)
 
 

@@ -7,6 +7,8 @@ import itertools
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 SCHEMA = jsonschema.Draft202012Validator(
     json.loads((ROOT / "msgs_spec" / "what_if_answer.schema.json").read_text("utf-8")))
 PATIENCE_S = 60.0
-GOOD, BAD, GARBLED = 60, 200, 200
+GOOD, BAD, GARBLED = 40, 150, 150
 AT_A_TIME = 40
 LONG = {"id": "long", "taxi_velocity": {"from": 10, "to": 100, "points": 5000},
         "return": "all_cycles"}
@@ -304,6 +306,56 @@ def test_bytes_that_are_no_text_are_refused(running):
     assert len(asker.answers) == begin + 2
     assert {answer["state"] for answer in answers} == {"refused"}
     assert all("no std_msgs/msg/String" in answer["message"] for answer in answers)
+
+
+def test_shimmy_ask_asks_a_running_node(running, module_stage, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(module_stage.domain.number))
+    running.bench.ask(47.0)
+    query = "{coulomb_torque: [10, 20]}"
+    assert main(["ask", query, "--node", "/test", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["inputs"]["taxi_velocity"], answer["state"]) == (47.0, "complete")
+    for point, torque in zip(answer["points"], (10.0, 20.0), strict=True):
+        prediction = expected({}, {"taxi_velocity": 47.0, "coulomb_torque": torque})
+        assert point["limit_cycle"]["amplitude"]["swivel"] == pytest.approx(
+            prediction.limit_cycle.amplitude()[1], rel=1e-9)
+    for query in ("{taxi_velocity: 300}", "{taxi_velocity: [", "{id: 3}"):
+        assert main(["ask", query, "--node", "/test"]) == 2
+        assert "the query is refused" in capsys.readouterr().err
+
+
+def test_shimmy_ask_says_where_nobody_answers(module_stage, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(module_stage.domain.number))
+    monkeypatch.setattr("shimmy_ros.nodes.asking._JOIN_TIMEOUT_S", 1.0)
+    assert main(["ask", "{taxi_velocity: 40}", "--node", "/nowhere"]) == 1
+    assert "no predictor listens to /nowhere/what_if/query" in capsys.readouterr().err
+
+
+def test_shimmy_ask_cancels_when_it_is_interrupted(running, module_stage):
+    running.bench.listen("what_if/query")
+    running.bench.received["what_if/query"].clear()
+    environment = os.environ | {"ROS_DOMAIN_ID": str(module_stage.domain.number)}
+    command = subprocess.Popen(
+        [sys.executable, "-m", "shimmy_ros.cli.main", "ask", json.dumps(LONG), "--node", "/test"],
+        env=environment, stdout=subprocess.DEVNULL)
+    asker, bench = running.asker, running.bench
+    begin = len(asker.answers)
+
+    def ended():
+        asker.collect()
+        return [answer["state"] for answer in asker.answers[begin:] if answer["id"] == "long"
+                and answer["state"] != "under_way"]
+
+    try:
+        bench.wait_until(lambda: any('"long"' in message.data
+                                     for message in bench.received["what_if/query"]),
+                         "the command's query", PATIENCE_S)
+        command.send_signal(signal.SIGINT)
+        assert command.wait(PATIENCE_S) == 130
+    finally:
+        command.kill()
+        command.wait()
+    assert bench.wait_until(ended, "the end of its answer", PATIENCE_S) == ["cancelled"]
 
 
 def test_the_conversation_is_in_the_simulators_bag(stage, tmp_path):

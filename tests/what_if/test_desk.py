@@ -186,3 +186,25 @@ def test_a_long_slice_is_interrupted(desk, monkeypatch):
     assert [reply.answer["state"] for reply in finished(desk)] == ["cancelled", "complete"]
     assert issubclass(Interrupted, BaseException)
     assert not issubclass(Interrupted, Exception)
+
+
+def test_a_slice_that_takes_too_long_costs_its_point_alone(desk, monkeypatch):
+    from shimmy_ros.what_if import evaluate as evaluate_module
+
+    def endless(point):
+        if point.velocity == 40.0:
+            # As a signal's handler does; no solver may take it for a failure of its own.
+            try:
+                desk.give_up("it took too long")
+            except Exception:
+                return []
+        return []
+
+    monkeypatch.setattr(evaluate_module, "all_cycles", endless)
+    desk.tell({"taxi_velocity": [30.0, 40.0, 50.0], "return": "all_cycles"})
+    (reply,) = finished(desk)
+    assert reply.answer["state"] == "complete"
+    assert [point["all_cycles"]["outcome"] for point in reply.answer["points"]] == [
+        "no_limit_cycle", "not_converged", "no_limit_cycle"]
+    assert reply.answer["points"][1]["all_cycles"]["message"].endswith(": it took too long")
+    desk.give_up("nothing runs")
