@@ -13,7 +13,8 @@ from shimmy_ros.cli.runs import COLUMNS, Run, bundled_run, read_run, synthetic_r
 from shimmy_ros.gear.parameters import ParameterError
 
 HEADER = ",".join(COLUMNS)
-SHARED_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+SHARED_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture],
+                         deadline=None)
 
 
 def write(path, *lines):
@@ -124,6 +125,7 @@ def test_any_table_is_a_sound_run_or_refused(tmp_path, rows, with_header):
     assert all(0.0 <= velocity <= 200.0 for velocity in run.velocity)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(1e-3, 10.0), st.floats(0.0, 200.0)), min_size=2, max_size=20),
        st.floats(-50.0, 250.0), st.floats(-50.0, 250.0))
 def test_a_stretch_keeps_its_samples(steps, start, end):

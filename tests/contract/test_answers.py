@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -77,6 +77,7 @@ def test_a_limit_cycle(velocity, harmonics):
         "start": "cold", "solve_time": "0.0125"}
 
 
+@settings(deadline=None)
 @given(arrays(float, (4, 6), elements=st.floats(-1.0, 1.0)), st.floats(1.0, 1e3))
 def test_any_cycle_gives_its_orbit(coefficients, frequency):
     # Far below the others, an amplitude is rounding and the relative comparison has no meaning.
