@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
 from shimmy_ros.contract.spec import load_contract
+from shimmy_ros.nodes.domain import isolated_run
 from shimmy_ros.nodes.interface import qos_profile
 
 from .measuring import Spread, spread
@@ -99,10 +98,7 @@ def process(module: str, namespace: str) -> Iterator[subprocess.Popen[bytes]]:
 
 def node_figures(memory_seconds: float) -> Iterator[tuple[str, Spread, str]]:
     """Latency at 100 Hz and 1 kHz, time to the first answer, memory over a long run at 1 kHz."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
-    with tempfile.TemporaryDirectory() as logs:
-        os.environ["ROS_LOG_DIR"] = logs
+    with isolated_run():
         rclpy.init()
         try:
             yield from _figures(memory_seconds)

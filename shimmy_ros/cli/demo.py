@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -20,7 +19,7 @@ from ..gear.parameter_file import REFERENCE_GEAR, load_parameters
 from ..gear.parameters import ParameterError
 from ..resources import resource_directory
 from .options import Commands
-from .progress import INTERRUPTED
+from .progress import INTERRUPTED, Stop, signals_held, stoppable
 from .runs import SYNTHETIC, Run, bundled_run, read_run, synthetic_run
 
 if TYPE_CHECKING:
@@ -63,7 +62,9 @@ def run(options: argparse.Namespace) -> int:
     history = _history(options)
     gear_file = options.gear or resource_directory("config") / REFERENCE_GEAR
     try:
-        from ..nodes.rig import Play
+        with signals_held():
+            from ..nodes.domain import isolated_run
+            from ..nodes.rig import Play
     except ImportError as error:
         raise ParameterError(
             "the demo needs ROS 2 Jazzy's rclpy, from a sourced ROS or, in the source tree, by "
@@ -79,18 +80,17 @@ def run(options: argparse.Namespace) -> int:
                              f"{error.strerror}") from error
     bag = options.out / history.name
     _remove_bag(bag)
-    interrupted = False
-    try:
-        _play(play, gear_file, bag)
-    except KeyboardInterrupt:
-        interrupted = True
-    except (NodeError, RuntimeError) as error:
-        print(f"shimmy: {error}", file=sys.stderr)
-        return 1
-    if interrupted and not bag.exists():
+    with stoppable() as stop, isolated_run() as domain:
+        print(f"domain   {domain} (ROS_DOMAIN_ID), this host alone", flush=True)
+        try:
+            _play(play, gear_file, bag, stop)
+        except (NodeError, RuntimeError) as error:
+            print(f"shimmy: {error}", file=sys.stderr)
+            return 1
+    if stop.requested and not bag.exists():
         return INTERRUPTED
     _report(bag, options.out / f"{history.name}.png", history)
-    return INTERRUPTED if interrupted else 0
+    return INTERRUPTED if stop.requested else 0
 
 
 def _history(options: argparse.Namespace) -> Run:
@@ -109,38 +109,38 @@ def _history(options: argparse.Namespace) -> Run:
                            history.time[-1] if end is None else end)
 
 
-def _play(play: Play, gear_file: Path, bag: Path) -> None:
-    """Start both nodes, play, stop them. Raises NodeError, RigError and KeyboardInterrupt."""
+def _play(play: Play, gear_file: Path, bag: Path, stop: Stop) -> None:
+    """Start both nodes, play until it is over or ``stop``, stop them.
+
+    Raises NodeError and RigError.
+    """
     from ..nodes.rig import Rig
 
-    environment = dict(os.environ)
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.update(environment)
     common = ["-r", f"__ns:={NAMESPACE}", "--params-file", str(gear_file)]
     # A parameter's value is YAML, and so is a string of JSON, whatever the path looks like.
     bag_directory = f"bag_directory:={json.dumps(str(bag))}"
     arguments = {"predictor": common, "simulator": [*common, "-p", bag_directory]}
     nodes: dict[str, subprocess.Popen[bytes]] = {}
 
-    def alive() -> None:
+    def go_on() -> bool:
         for name, process in nodes.items():
             if process.poll() is not None:
                 raise NodeError(f"the {name} ended with status {process.returncode}")
+        return not stop.requested
 
     # Whoever ends the demo ends the nodes, which would run on otherwise.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for name in arguments:
             nodes[name] = _start(name, arguments[name])
         rig = Rig(NAMESPACE)
         try:
-            rig.wait_for_nodes(alive)
+            rig.wait_for_nodes(go_on)
             with tqdm(total=round(play.time[-1], 1), unit="s", desc="playing",
                       disable=not sys.stderr.isatty()) as bar:
                 def progress(done: float) -> None:
                     bar.update(round(done - bar.n, 3))
 
-                rig.play(play, alive, progress)
+                rig.play(play, go_on, progress)
         finally:
             rig.close()
     finally:

@@ -29,6 +29,16 @@ class Stop:
 
 
 @contextmanager
+def signals_held() -> Iterator[None]:
+    """SIGINT and SIGTERM wait until the end of this: amid an import, Python can lose one."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
 def stoppable() -> Iterator[Stop]:
     """SIGINT and SIGTERM only set the flag that this gives; a second one has its usual effect."""
     stop = Stop()

@@ -74,29 +74,30 @@ class Rig:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def wait_for_nodes(self, alive: Callable[[], None]) -> None:
-        """Wait until every input has its listeners; ``alive`` raises where waiting is in vain.
+    def wait_for_nodes(self, go_on: Callable[[], bool]) -> None:
+        """Wait until every input has its listeners, or until ``go_on`` is false.
 
         The velocity goes to the predictor, the simulator and the simulator's bag. Raises RigError.
         """
         until = time.monotonic() + _JOIN_TIMEOUT_S
-        while not (all(p.get_subscription_count() >= 3 for p in self._publishers.values())
-                   and self._kick.service_is_ready()):
-            alive()
+        while go_on() and not (
+                all(p.get_subscription_count() >= 3 for p in self._publishers.values())
+                and self._kick.service_is_ready()):
             self._executor.spin_once(timeout_sec=0.05)
             if time.monotonic() > until:
                 raise RigError(f"predictor and simulator did not join in {_JOIN_TIMEOUT_S:g} s")
 
-    def play(self, play: Play, alive: Callable[[], None], progress: Callable[[float], None]
+    def play(self, play: Play, go_on: Callable[[], bool], progress: Callable[[float], None]
              ) -> None:
-        """Send everything at its time; ``progress`` gets the time played [s]."""
+        """Send everything at its time, while ``go_on``; ``progress`` gets the time played [s]."""
         begun = time.monotonic()
         changes = sorted(play.damper_changes.items())
         kicked_at = -_KICK_PERIOD_S
         for due, velocity in zip(play.time, play.velocity, strict=True):
-            while (now := time.monotonic() - begun) < due:
+            while go_on() and (now := time.monotonic() - begun) < due:
                 self._executor.spin_once(timeout_sec=min(0.02, due - now))
-            alive()
+            if not go_on():
+                return
             while changes and changes[0][0] <= due:
                 for name, value in changes.pop(0)[1].items():
                     self._send(f"damper/{name}", value)

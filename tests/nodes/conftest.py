@@ -5,14 +5,12 @@ Every test waits for what it expects to happen, for as long as a loaded machine 
 
 from __future__ import annotations
 
-import fcntl
 import importlib
 import math
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import warnings
 from collections import defaultdict
@@ -25,6 +23,7 @@ import yaml
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.prediction import Predictor
 from shimmy_ros.gear.system import OperatingPoint
+from shimmy_ros.nodes.domain import OwnDomain
 
 ROOT = Path(__file__).parents[2]
 CONTRACT = yaml.safe_load((ROOT / "msgs_spec" / "topics.yaml").read_text(encoding="utf-8"))
@@ -40,26 +39,6 @@ def load(type_name):
     """The class of a type such as std_msgs/msg/Float64."""
     package, kind, name = type_name.split("/")
     return getattr(importlib.import_module(f"{package}.{kind}"), name)
-
-
-class Domain:
-    """A ROS_DOMAIN_ID that no other test run on this machine uses."""
-
-    def __init__(self):
-        for offset in range(100):
-            self.number = 1 + (os.getpid() + offset) % 100
-            path = Path(tempfile.gettempdir()) / f"shimmy_ros_domain_{self.number}.lock"
-            self._file = path.open("w")
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                self._file.close()
-            else:
-                return
-        raise RuntimeError("all of the ROS domains 1 to 100 are in use")
-
-    def close(self):
-        self._file.close()
 
 
 class NodeProcess:
@@ -324,7 +303,7 @@ class Stage:
 
     def __init__(self, directory):
         self.directory = directory
-        self.domain = Domain()
+        self.domain = OwnDomain()
         self.bench = Bench(self.domain)
         self._nodes = []
 

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
 
 import numpy as np
@@ -63,7 +64,8 @@ def test_a_run_leaves_a_bag_and_a_picture(stage, start, run, tmp_path):
     process = start()
     assert process.wait(PATIENCE_S) == 0, (tmp_path / "log").read_text()
     assert {file.name for file in bag.iterdir()} == {"metadata.yaml", "braking_0.mcap"}
-    bag_line, picture_line, found = (tmp_path / "log").read_text().splitlines()
+    domain_line, bag_line, picture_line, found = (tmp_path / "log").read_text().splitlines()
+    assert domain_line.split()[:2] == ["domain", str(stage.domain.number)]
     assert bag_line.split(maxsplit=1) == ["bag", str(bag)]
     assert picture_line.split(maxsplit=1) == ["picture", str(picture)]
     amplitude, frequency = map(float, re.findall(r"([\d.]+) % in", found))
@@ -100,4 +102,13 @@ def test_a_run_that_is_stopped_leaves_what_there_is(stage, start, tmp_path, numb
     assert "Traceback" not in log
     assert (file.parent / "metadata.yaml").is_file()
     assert (tmp_path / "out" / "braking.png").is_file()
+    assert_no_node_is_left(stage.bench)
+
+
+@pytest.mark.parametrize("after_s", [0.2, 0.4, 0.6, 1.0, 1.5])
+def test_a_run_that_is_stopped_before_it_begins_leaves_no_node(stage, start, tmp_path, after_s):
+    process = start()
+    time.sleep(after_s)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) in (130, -signal.SIGINT)
     assert_no_node_is_left(stage.bench)
