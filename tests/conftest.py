@@ -1,13 +1,20 @@
-"""Bags of every kind that a replay has to read, written by rosbags, mcap and sqlite3."""
+"""Bags of every kind that a replay has to read, written by rosbags, mcap and sqlite3.
+
+One thread for BLAS, as in the package's own processes.
+"""
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from contextlib import closing
 from functools import lru_cache
 from types import SimpleNamespace
 
 import pytest
+
+# Before numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 START_NS = 1_700_000_000_000_000_000
 FLOAT64, TWIST_STAMPED = "std_msgs/msg/Float64", "geometry_msgs/msg/TwistStamped"

@@ -130,10 +130,8 @@ def _put(result: GridPredictions, index: int, prediction: Prediction) -> None:
 
 def _stack(points: GridPoints) -> Stack:
     parts = velocity_parts(points.gear)
-    velocity = np.maximum(points.velocity, np.finfo(np.float64).tiny)[:, None, None]
-    damping = velocity * parts.rolling_damping + parts.torsional_damping / velocity
-    damping[:, DAMPER, DAMPER] += points.linear_damping
+    velocity = np.maximum(points.velocity, np.finfo(np.float64).tiny)
+    damping = parts.damping(points.linear_damping, velocity)
     return Stack(
-        np.broadcast_to(parts.mass, damping.shape).copy(), damping,
-        parts.stiffness + velocity**2 * parts.rolling_stiffness,
+        np.broadcast_to(parts.mass, damping.shape).copy(), damping, parts.stiffness(velocity),
         SWIVEL, points.coulomb_torque, DAMPER, points.quadratic_damping)

@@ -58,30 +58,37 @@ def mass_matrix(gear: Gear) -> Matrix:
 
 def damping_matrix(gear: Gear, linear_damping: float, velocity: float) -> Matrix:
     """C(V), shape (4, 4), SI, for a ``linear_damping`` C_t [N m s/rad] and V > 0 [m/s]."""
-    parts = velocity_parts(gear)
-    damping = velocity * parts.rolling_damping + parts.torsional_damping / velocity
-    damping[DAMPER, DAMPER] += linear_damping
-    return damping
+    return velocity_parts(gear).damping(linear_damping, velocity)
 
 
 def stiffness_matrix(gear: Gear, velocity: float) -> Matrix:
     """K(V), shape (4, 4), SI, for V > 0 [m/s]."""
-    parts = velocity_parts(gear)
-    return parts.stiffness + velocity**2 * parts.rolling_stiffness
+    return velocity_parts(gear).stiffness(velocity)
 
 
 class VelocityParts(NamedTuple):
-    """What the matrices are made of, each of shape (4, 4), SI.
-
-    C(V) = V ``rolling_damping`` + ``torsional_damping`` / V, without the damper's, and
-    K(V) = ``stiffness`` + V^2 ``rolling_stiffness``.
-    """
+    """What the matrices are made of, each of shape (4, 4), SI."""
 
     mass: Matrix
     rolling_damping: Matrix
     torsional_damping: Matrix
-    stiffness: Matrix
+    standing_stiffness: Matrix
     rolling_stiffness: Matrix
+
+    def damping(self, linear_damping: float | Matrix, velocity: float | Matrix) -> Matrix:
+        """C(V) = V ``rolling_damping`` + ``torsional_damping`` / V, and the damper's C_t.
+
+        Both arguments may have any shape S, and the result has S + (4, 4).
+        """
+        speed = np.asarray(velocity)[..., None, None]
+        matrix = speed * self.rolling_damping + self.torsional_damping / speed
+        matrix[..., DAMPER, DAMPER] += linear_damping
+        return np.asarray(matrix)
+
+    def stiffness(self, velocity: float | Matrix) -> Matrix:
+        """K(V) = ``standing_stiffness`` + V^2 ``rolling_stiffness``, shape S + (4, 4)."""
+        speed = np.asarray(velocity)[..., None, None]
+        return np.asarray(self.standing_stiffness + speed**2 * self.rolling_stiffness)
 
 
 def velocity_parts(gear: Gear) -> VelocityParts:
@@ -92,23 +99,20 @@ def velocity_parts(gear: Gear) -> VelocityParts:
     deflection = np.array([-place.height, -place.ground_trail, 0.0, 1.0])
     heading = np.array([-place.sine, place.cosine, 0.0, 0.0])
     tilt = np.array([place.cosine, place.sine, 0.0, 0.0])
-    tyre = (gear.tyre_lateral_stiffness * np.outer(deflection, deflection)
-            + torsion * np.outer(heading, heading))
-    rolling = (gear.rolling_alpha * deflection + gear.rolling_beta * heading
-               + gear.rolling_gamma * tilt)
-    nothing = np.zeros((1, 4))
-    structure = np.pad(structural_stiffness(gear), ((0, 0), (0, 1)))
+    standing = (gear.tyre_lateral_stiffness * np.outer(deflection, deflection)
+                + torsion * np.outer(heading, heading))
+    standing[:TYRE_LATERAL, :TYRE_LATERAL] += structural_stiffness(gear)
+    # The last row is the rolling law.
+    standing[TYRE_LATERAL] = 0.0
+    rolling_damping, torsional_damping, rolling_stiffness = np.zeros((3, 4, 4), standing.dtype)
+    rolling_damping[STRUT_TILT, SWIVEL] = gyroscopic
+    rolling_damping[SWIVEL, STRUT_TILT] = -gyroscopic
+    rolling_damping[TYRE_LATERAL, TYRE_LATERAL] = gear.rolling_beta
+    torsional_damping[:, TYRE_LATERAL] = torsion * heading
+    rolling_stiffness[TYRE_LATERAL] = (
+        gear.rolling_alpha * deflection + gear.rolling_beta * heading + gear.rolling_gamma * tilt)
     return VelocityParts(
-        mass_matrix(gear),
-        np.array([
-            [0.0, gyroscopic, 0.0, 0.0],
-            [-gyroscopic, 0.0, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, 0.0, gear.rolling_beta],
-        ]),
-        np.vstack([np.pad(torsion * heading[:3, None], ((0, 0), (3, 0))), nothing]),
-        np.vstack([structure + tyre[:TYRE_LATERAL], nothing]),
-        np.vstack([np.zeros((3, 4)), rolling]))
+        mass_matrix(gear), rolling_damping, torsional_damping, standing, rolling_stiffness)
 
 
 def structural_stiffness(gear: Gear) -> Matrix:

@@ -7,19 +7,9 @@ from functools import lru_cache
 from types import SimpleNamespace
 from typing import cast
 
-import numpy as np
-
 from ..ihb.elements import Coulomb, Element, QuadraticDamping
 from ..ihb.system import Family, System
-from .matrices import (
-    DAMPER,
-    SWIVEL,
-    Matrix,
-    damping_matrix,
-    mass_matrix,
-    stiffness_matrix,
-    velocity_parts,
-)
+from .matrices import DAMPER, SWIVEL, Matrix, velocity_parts
 from .parameters import Damper, Gear
 
 # The matrices are analytic in every parameter, so that a complex step has no truncation error.
@@ -42,10 +32,8 @@ def gear_system(point: OperatingPoint) -> System:
     """
     damper, velocity = point.damper, point.velocity
     parts = _velocity_parts(point.gear)
-    damping = velocity * parts.rolling_damping + parts.torsional_damping / velocity
-    damping[DAMPER, DAMPER] += damper.linear_damping
     return System(
-        parts.mass, damping, parts.stiffness + velocity**2 * parts.rolling_stiffness,
+        parts.mass, parts.damping(damper.linear_damping, velocity), parts.stiffness(velocity),
         _elements(damper.coulomb_torque, damper.quadratic_damping,
                   damper.coulomb_torque > 0.0, damper.quadratic_damping > 0.0))
 
@@ -56,19 +44,25 @@ def family_between(start: OperatingPoint, end: OperatingPoint) -> Family:
     has_quadratic = max(start.damper.quadratic_damping, end.damper.quadratic_damping) > 0.0
     first, last = _values(start), _values(end)
     change = {name: last[name] - first[name] for name in first}
+    fixed = _velocity_parts(start.gear) if start.gear == end.gear else None
+
+    def matrices(position: complex) -> tuple[Matrix, Matrix, Matrix]:
+        value = {name: first[name] + position * change[name] for name in first}
+        parts = fixed or velocity_parts(cast(Gear, SimpleNamespace(**value)))
+        velocity = cast(float, value["velocity"])
+        return (parts.mass, parts.damping(cast(float, value["linear_damping"]), velocity),
+                parts.stiffness(velocity))
 
     def at(position: float) -> System:
-        value = {name: first[name] + position * change[name] for name in first}
-        mass, damping, stiffness = _matrices(value)
-        return System(mass, damping, stiffness,
-                      _elements(value["coulomb_torque"], value["quadratic_damping"],
-                                has_coulomb, has_quadratic))
+        return System(*matrices(position), _elements(
+            first["coulomb_torque"] + position * change["coulomb_torque"],
+            first["quadratic_damping"] + position * change["quadratic_damping"],
+            has_coulomb, has_quadratic))
 
     def derivative(position: float) -> System:
-        mass, damping, stiffness = _matrices({
-            name: first[name] + (position + 1j * _COMPLEX_STEP) * change[name] for name in first})
-        return System(mass.imag / _COMPLEX_STEP, damping.imag / _COMPLEX_STEP,
-                      stiffness.imag / _COMPLEX_STEP,
+        mass, damping, stiffness = (matrix.imag / _COMPLEX_STEP for matrix in matrices(
+            position + 1j * _COMPLEX_STEP))
+        return System(mass, damping, stiffness,
                       _elements(change["coulomb_torque"], change["quadratic_damping"],
                                 has_coulomb, has_quadratic))
 
@@ -83,14 +77,6 @@ def _values(point: OperatingPoint) -> dict[str, float]:
     values = {item.name: getattr(point.gear, item.name) for item in fields(Gear)}
     values |= {item.name: getattr(point.damper, item.name) for item in fields(Damper)}
     return values | {"velocity": point.velocity}
-
-
-def _matrices(values: dict[str, complex] | dict[str, float]) -> tuple[Matrix, Matrix, Matrix]:
-    gear = cast(Gear, SimpleNamespace(**values))
-    velocity = cast(float, values["velocity"])
-    return (mass_matrix(gear),
-            damping_matrix(gear, cast(float, values["linear_damping"]), velocity),
-            np.asarray(stiffness_matrix(gear, velocity)))
 
 
 def _elements(coulomb_torque: float, quadratic_damping: float,

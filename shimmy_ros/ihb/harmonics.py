@@ -55,7 +55,9 @@ def evaluate(coefficients: Real, tau: Any, derivative: int = 0) -> Real:
     order = orders(coefficients.shape[-1] // 2)
     x = to_complex(coefficients) * (1j * order) ** derivative
     waves = np.exp(1j * np.multiply.outer(order, np.asarray(tau, dtype=np.float64)))
-    return np.asarray(np.tensordot(x, waves, axes=1).real)
+    # Not by BLAS, which may divide so small a product among threads.
+    return np.asarray(np.einsum("...k,kp->...p", x, waves.reshape(len(order), -1)).real.reshape(
+        x.shape[:-1] + waves.shape[1:]))
 
 
 def shifted(coefficients: Real, tau: float) -> Real:

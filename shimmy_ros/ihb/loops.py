@@ -31,6 +31,7 @@ _STACK = 64
 _GRID_START = -0.1
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Matrix = TypeVar("Matrix", Real, Complex)
 
 
 def compiled(function: Function) -> Function:
@@ -360,7 +361,7 @@ def condense(mass: Real, damping: Real, stiffness: Real, frequency: float, order
 
 
 @compiled
-def add_product(left: Complex, right: Complex, factor: float, result: Complex) -> None:
+def add_product(left: Matrix, right: Matrix, factor: float, result: Matrix) -> None:
     """Add factor * left @ right to ``result``; small matrices, for which a library call is slow."""
     for i in range(left.shape[0]):
         for k in range(left.shape[1]):
@@ -370,7 +371,7 @@ def add_product(left: Complex, right: Complex, factor: float, result: Complex) -
 
 
 @compiled
-def invert(matrix: Complex, result: Complex) -> None:
+def invert(matrix: Matrix, result: Matrix) -> None:
     """The inverse into ``result``, by Gauss and Jordan with partial pivoting; spoils ``matrix``.
 
     NaN where there is none.
@@ -750,6 +751,44 @@ def quasi_linear_mode(
         if np.sqrt(changed) <= tolerance * np.sqrt(norm) and left <= 1e-6 * largest * amplitude:
             return shape, rate, True
     return shape, rate, False
+
+
+@compiled
+def propagate(rates: Real, widths: Real, monodromy: Real) -> None:
+    """Carry ``monodromy`` (m, m) through steps of x' = A(t) x, each of a width of its own.
+
+    ``rates`` (steps, 2, m, m) are A at the two Gauss points of each step. The exponential of the
+    fourth-order Magnus exponent is taken by its (2, 3) Pade approximant, of order five, which
+    damps what is too fast to be resolved.
+    """
+    size = monodromy.shape[0]
+    exponent = np.empty((size, size))
+    square = np.empty((size, size))
+    lower = np.empty((size, size))
+    inverse = np.empty((size, size))
+    upper = np.empty((size, size))
+    for step in range(widths.shape[0]):
+        width = widths[step]
+        first, second = rates[step, 0], rates[step, 1]
+        twist = np.sqrt(3.0) / 12.0 * width * width
+        for i in range(size):
+            for j in range(size):
+                exponent[i, j] = 0.5 * width * (first[i, j] + second[i, j])
+        add_product(second, first, twist, exponent)
+        add_product(first, second, -twist, exponent)
+        square[:] = 0.0
+        add_product(exponent, exponent, 1.0, square)
+        for i in range(size):
+            for j in range(size):
+                unit = 1.0 if i == j else 0.0
+                upper[i, j] = unit + 0.4 * exponent[i, j] + 0.05 * square[i, j]
+                lower[i, j] = unit - 0.6 * exponent[i, j] + 0.15 * square[i, j]
+        add_product(square, exponent, -1.0 / 60.0, lower)
+        invert(lower, inverse)
+        square[:] = 0.0
+        add_product(upper, monodromy, 1.0, square)
+        monodromy[:] = 0.0
+        add_product(inverse, square, 1.0, monodromy)
 
 
 @compiled

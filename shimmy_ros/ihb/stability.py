@@ -9,14 +9,14 @@ I + (f+ - f-) n^T / (n^T f-), with n^T f- the acceleration of v_i before the rev
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import loops
 from .elements import Coulomb, OddElement, QuadraticDamping
-from .harmonics import Complex, Real, velocity_zeros
+from .harmonics import Complex, Real, evaluate, velocity_zeros
 from .solution import LimitCycle
 from .system import System
 
@@ -74,56 +74,44 @@ def half_period_map(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STE
                 kinks.add(zero)
                 if isinstance(element, Coulomb) and element.torque > 0.0:
                     reversals.setdefault(zero, []).append(element)
-    bounds = sorted(kinks)
+    bounds = np.array(sorted(kinks))
+    counts = np.ceil(steps * np.diff(bounds) / np.pi).astype(np.int64)
+    widths = np.repeat(np.diff(bounds) / counts, counts)
+    ends = np.cumsum(counts)
+    numbers = np.arange(len(widths)) - np.repeat(ends - counts, counts)
+    middles = np.repeat(bounds[:-1], counts) + (numbers + 0.5) * widths
+    nodes = middles[:, None] + _GAUSS * np.outer(widths, (-1.0, 1.0))
+    rates = _rates(system, cycle, nodes.ravel()).reshape(
+        *nodes.shape, 2 * system.dofs, 2 * system.dofs)
     monodromy = np.eye(2 * system.dofs)
-    for start, end in itertools.pairwise(bounds):
+    for start, count, end in zip(bounds.tolist(), counts, ends, strict=False):
         for element in reversals.get(start, []):
             monodromy = _saltation(system, cycle, element, start) @ monodromy
-        count = max(1, int(np.ceil(steps * (end - start) / np.pi)))
-        for factor in _propagators(system, cycle, np.linspace(start, end, count + 1)):
-            monodromy = factor @ monodromy
+        piece = slice(end - count, end)
+        loops.propagate(rates[piece], widths[piece] / cycle.frequency, monodromy)
     return monodromy
-
-
-def _propagators(system: System, cycle: LimitCycle, tau: Real) -> NDArray[np.float64]:
-    """exp of the fourth-order Magnus exponent of every step, shape (steps, 2n, 2n).
-
-    By its (2, 3) Padé approximant, of order five, which damps what is too fast to be resolved.
-    """
-    width = (tau[1] - tau[0]) / cycle.frequency
-    middle = 0.5 * (tau[:-1] + tau[1:])
-    half = tau[1] - tau[0]
-    first = _rates(system, cycle, middle - _GAUSS * half)
-    second = _rates(system, cycle, middle + _GAUSS * half)
-    exponent = 0.5 * width * (first + second)
-    exponent += (np.sqrt(3.0) / 12.0) * width**2 * (second @ first - first @ second)
-    square = exponent @ exponent
-    identity = np.eye(exponent.shape[1])
-    upper = identity + 0.4 * exponent + 0.05 * square
-    lower = identity - 0.6 * exponent + 0.15 * square - square @ exponent / 60.0
-    return np.asarray(np.linalg.solve(lower, upper))
 
 
 def _rates(system: System, cycle: LimitCycle, tau: Real) -> NDArray[np.float64]:
     """The variational equation's matrix at every tau, shape (P, 2n, 2n)."""
     count = system.dofs
-    time = tau / cycle.frequency
-    place, velocity = cycle.position(time), cycle.velocity(time)
-    damping = np.broadcast_to(system.damping, (tau.size, count, count)).copy()
-    stiffness = np.broadcast_to(system.stiffness, (tau.size, count, count)).copy()
+    inverse = np.linalg.inv(system.mass)
+    matrix = np.zeros((tau.size, 2 * count, 2 * count))
+    matrix[:, :count, count:] = np.eye(count)
+    matrix[:, count:, :count] = -inverse @ system.stiffness
+    matrix[:, count:, count:] = -inverse @ system.damping
     for element in system.elements:
         dofs = list(element.dofs)
         if isinstance(element, QuadraticDamping):
-            damping[:, element.dof, element.dof] += (
-                2.0 * element.coefficient * np.abs(velocity[element.dof]))
+            speed = np.abs(cycle.frequency * evaluate(cycle.coefficients[element.dof], tau, 1))
+            matrix[:, count:, count + element.dof] -= (
+                2.0 * element.coefficient * np.outer(speed, inverse[:, element.dof]))
         elif isinstance(element, OddElement):
-            block = np.ix_(range(tau.size), dofs, dofs)
-            damping[block] += np.moveaxis(element.damping(place[dofs], velocity[dofs]), -1, 0)
-            stiffness[block] += np.moveaxis(element.stiffness(place[dofs], velocity[dofs]), -1, 0)
-    matrix = np.zeros((tau.size, 2 * count, 2 * count))
-    matrix[:, :count, count:] = np.eye(count)
-    matrix[:, count:, :count] = -np.linalg.solve(system.mass, stiffness)
-    matrix[:, count:, count:] = -np.linalg.solve(system.mass, damping)
+            time = tau / cycle.frequency
+            place, velocity = cycle.position(time)[dofs], cycle.velocity(time)[dofs]
+            for first, part in ((0, element.stiffness), (count, element.damping)):
+                block = np.moveaxis(part(place, velocity), -1, 0)
+                matrix[:, count:, [first + dof for dof in dofs]] -= inverse[:, dofs] @ block
     return matrix
 
 
