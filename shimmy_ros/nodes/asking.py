@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -22,6 +23,7 @@ from .interface import message_class, qos_profile
 
 _QUERY, _ANSWER = "what_if/query", "what_if/answer"
 _JOIN_TIMEOUT_S = 10.0
+_FAREWELL_S = 5.0
 
 
 def ask_node(text: str, namespace: str) -> Iterator[Json]:
@@ -72,9 +74,9 @@ class _Asker:
         """Send the query and wait for all of its answer."""
         self._join()
         name = content["id"]
-        self._send(content)
         final = False
         try:
+            self._send(content)
             while not final:
                 self._executor.spin_once(timeout_sec=0.1)
                 if not self._publisher.get_subscription_count():
@@ -87,6 +89,8 @@ class _Asker:
         finally:
             if not final:
                 self._send({"cancel": name})
+                # What is under way when its sender leaves may be lost.
+                self._publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
 
     def _join(self) -> None:
         until = time.monotonic() + _JOIN_TIMEOUT_S
