@@ -4,9 +4,11 @@ What N harmonics leave out is seen by balancing more of them: one Newton step fr
 padded with zeros, gives nearly all of the difference. The error has a part that falls fast with N
 and, from the friction's jumps, one that falls as 1/N, and the two may have opposite signs. With
 steps to 2N and to 4N harmonics |x_N - x_4N| + |x_2N - x_4N| holds for both: its second term is
-what 4N harmonics still lack, if that falls as 1/N. The estimate is twice that, for the safety that
-a single step and few harmonics ask for. A coordinate that hardly moves the others may lack more:
-its own harmonics beyond, taken to fall as the square of their order, may all meet at its peak.
+what 4N harmonics still lack, if that falls as 1/N. It counts twice, since with few harmonics it may
+fall more slowly, and the estimate is twice the sum, for the safety that a single step asks for. A
+coordinate that hardly moves the others may lack more: its own harmonics beyond, taken to fall as
+the square of their order, may all meet at its peak. And where one number comes out right by chance,
+it is not trusted more than a certain part of the worst amplitude.
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ from .system import System
 MAXIMUM_HARMONICS = 128
 _FIRST_HARMONICS = 4
 _SAFETY = 2.0
+# The smallest part of the worst amplitude's error that other amplitudes, and the frequency, have.
+_LEAST_AMPLITUDE, _LEAST_FREQUENCY = 0.05, 0.01
 _ROUNDING = 1e-12
 
 
@@ -52,11 +56,13 @@ def estimate_error(system: System, cycle: LimitCycle) -> ErrorEstimate:
         return ErrorEstimate(np.full(system.dofs, np.inf), np.inf)
     best = finest.amplitude()
     scale = np.where(best > 0.0, best, 1.0)
-    amplitude = np.abs(cycle.amplitude() - best) + np.abs(finer.amplitude() - best)
-    frequency = (abs(cycle.frequency - finest.frequency)
-                 + abs(finer.frequency - finest.frequency))
-    return ErrorEstimate((_SAFETY * amplitude + _tail(finest)) / scale + _ROUNDING,
-                         _SAFETY * frequency / finest.frequency + _ROUNDING)
+    lacking = np.abs(cycle.amplitude() - best) + 2.0 * np.abs(finer.amplitude() - best)
+    amplitude = (_SAFETY * lacking + _tail(finest)) / scale
+    frequency = _SAFETY / finest.frequency * (abs(cycle.frequency - finest.frequency) + 2.0 * abs(
+        finer.frequency - finest.frequency))
+    worst = float(np.max(amplitude))
+    return ErrorEstimate(np.maximum(amplitude, _LEAST_AMPLITUDE * worst) + _ROUNDING,
+                         max(frequency, _LEAST_FREQUENCY * worst) + _ROUNDING)
 
 
 def solve_to_accuracy(system: System, accuracy: float, start: LimitCycle | None = None,

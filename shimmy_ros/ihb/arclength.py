@@ -22,6 +22,8 @@ _LARGEST_STEP = 0.2
 _SMALLEST_STEP = 1e-7
 # Below this cosine between two tangents a step is too long for the curve's bend.
 _STEEPEST_TURN = 0.9
+# Two curves that pass each other closer than a step of this length are taken to cross.
+_NARROWEST_GAP = 1e-3
 _LOCATION_ITERATIONS = 60
 _LOCATION_TOLERANCE = 1e-10
 
@@ -52,7 +54,9 @@ class Curve(Protocol):
 class CurvePoint:
     """A point of the curve: ``y``, the unit ``tangent`` in variables scaled by ``size``.
 
-    ``iterations`` were needed; ``step`` was the length of the step that led here.
+    ``iterations`` were needed; ``step`` was the length of the step that led here. ``sense`` is
+    the sign of the determinant of the Jacobian with the tangent below it: it keeps along a curve,
+    through its turns, and changes where another one crosses.
     """
 
     y: Real
@@ -61,6 +65,7 @@ class CurvePoint:
     evaluation: Evaluation
     iterations: int
     step: float
+    sense: int
 
     @property
     def slope(self) -> float:
@@ -73,8 +78,9 @@ def trace(curve: Curve, start: Real, direction: int, first_step: float = 0.05
     """The points of the curve from near ``start`` on, the last unknown growing (+1) at first or
     falling (-1).
 
-    The step adapts to the effort and the bend: one that would turn sharply, which is how a
-    corrector falls back onto the piece it came from or onto another one, is refused and halved.
+    The step adapts to the effort and the bend: one that would turn sharply or change the sense,
+    which is how a corrector falls back onto the piece it came from or onto another one, is refused
+    and halved.
     Goes on until the caller stops. Raises ContinuationError.
     """
     size = curve.sizes(start)
@@ -137,9 +143,11 @@ def _point(curve: Curve, corrected: tuple[Real, Evaluation, int], along: Real, s
            ) -> CurvePoint:
     y, evaluation, iterations = corrected
     size = curve.sizes(y)
-    null = np.linalg.svd(evaluation.jacobian * size)[2][-1]
-    tangent = null if float(null @ along) >= 0.0 else -null
-    return CurvePoint(y, np.asarray(tangent), size, evaluation, iterations, step)
+    matrix = evaluation.jacobian * size
+    null = np.linalg.svd(matrix)[2][-1]
+    tangent = np.asarray(null if float(null @ along) >= 0.0 else -null)
+    sense = int(np.linalg.slogdet(np.vstack([matrix, tangent]))[0])
+    return CurvePoint(y, tangent, size, evaluation, iterations, step, sense)
 
 
 def _smooth(before: CurvePoint, after: CurvePoint) -> bool:
@@ -147,6 +155,7 @@ def _smooth(before: CurvePoint, after: CurvePoint) -> bool:
     length = float(np.linalg.norm(chord))
     return bool(
         0.0 < length <= 2.0 * after.step
+        and (after.sense == before.sense or after.step <= _NARROWEST_GAP)
         and float(after.tangent @ before.tangent) > _STEEPEST_TURN
         and float(chord @ before.tangent) > _STEEPEST_TURN * length)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from . import loops
 from .balance import add_general, packed
-from .elements import Coulomb, Element, QuadraticDamping
+from .elements import Coulomb, Element, OddElement, QuadraticDamping
 from .harmonics import Complex, Real, to_real
 from .loops import with_replacement
 from .system import System
@@ -87,6 +87,29 @@ def linear_modes(system: System) -> list[Mode]:
     return found
 
 
+def separated(system: System) -> System:
+    """The same system with the tangents at rest of its general elements moved to the matrices."""
+    damping, stiffness = system.damping.copy(), system.stiffness.copy()
+    elements: list[Element] = []
+    for element in system.elements:
+        if isinstance(element, OddElement):
+            rest, place = np.zeros((len(element.dofs), 1)), np.ix_(element.dofs, element.dofs)
+            tangents = element.stiffness(rest, rest)[..., 0], element.damping(rest, rest)[..., 0]
+            stiffness[place] += tangents[0]
+            damping[place] += tangents[1]
+            element = _without_tangents(element, *tangents)
+        elements.append(element)
+    return replace(system, damping=damping, stiffness=stiffness, elements=tuple(elements))
+
+
+def _without_tangents(element: OddElement, stiffness: Real, damping: Real) -> OddElement:
+    return replace(
+        element,
+        force=lambda q, v: element.force(q, v) - stiffness @ q - damping @ v,
+        stiffness=lambda q, v: element.stiffness(q, v) - stiffness[..., None],
+        damping=lambda q, v: element.damping(q, v) - damping[..., None])
+
+
 def growing_cycles(system: System, coulomb_factor: float = 1.0) -> Growth:
     """Cycles at which an oscillation that grows from rest with friction released comes to a stop.
 
@@ -97,6 +120,8 @@ def growing_cycles(system: System, coulomb_factor: float = 1.0) -> Growth:
     """
     cycles, undecided = [], False
     dissipative = all(isinstance(e, (Coulomb, QuadraticDamping)) for e in system.elements)
+    if system.general_elements:
+        system = separated(system)
     modes = linear_modes(with_coulomb_factor(system, 0.0))
     rounding = _TOLERANCE * max(abs(mode.rate) for mode in modes)
     for mode in modes:

@@ -66,13 +66,17 @@ class _Folds(Curve):
         self._scales = scales_of
         self._active = active
         self._phase = phase
-        self._left = self._right = np.zeros(0)
+        self._left = self._right = np.zeros(unknowns(start, phase).size)
 
     def adapt(self, y: Real) -> None:
-        """Border with the singular vectors at y, which keeps the bordered matrix regular."""
+        """Border with the singular vectors at y, which keeps the bordered matrix regular.
+
+        Their signs are arbitrary, and kept.
+        """
         matrix = self._scaled_jacobian(y) * self._unknown_sizes(y)
         left, _, right = np.linalg.svd(matrix)
-        self._left, self._right = left[:, -1], right[-1]
+        self._left = _towards(self._left, left[:, -1])
+        self._right = _towards(self._right, right[-1])
 
     def sizes(self, y: Real) -> Real:
         return np.concatenate([self._unknown_sizes(y), self._scales])
@@ -127,3 +131,7 @@ class _Folds(Curve):
         terms = balance(self._plane.system(float(y[-2]), float(y[-1])), point.coefficients,
                         point.frequency, self._active)
         return jacobian(terms, self._phase)
+
+
+def _towards(before: Real, vector: Real) -> Real:
+    return vector if float(vector @ before) >= 0.0 else -vector

@@ -55,7 +55,8 @@ def stability(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STEPS) ->
     """Floquet multipliers of ``cycle``, by Magnus steps of order four, ``steps`` in half a period.
 
     Raises StickingError where a Coulomb element cannot reverse as the cycle assumes, because the
-    accelerations on both sides of the reversal point towards rest.
+    accelerations on both sides of the reversal point towards rest, and ValueError for an element
+    of another kind than those of ``elements``.
     """
     values = np.linalg.eigvals(-half_period_map(system, cycle, steps))
     shift = int(np.argmin(np.abs(values - 1.0)))
@@ -66,14 +67,18 @@ def stability(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STEPS) ->
 
 def half_period_map(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STEPS) -> Real:
     """The monodromy matrix of half a period, shape (2n, 2n), of (q, dq/dt)."""
-    reversals: dict[float, list[Coulomb]] = {}
-    kinks = {0.0, np.pi}
+    torques: dict[int, float] = {}
     for element in system.elements:
         if isinstance(element, (Coulomb, QuadraticDamping)):
-            for zero in velocity_zeros(cycle.coefficients[element.dof]).tolist():
-                kinks.add(zero)
-                if isinstance(element, Coulomb) and element.torque > 0.0:
-                    reversals.setdefault(zero, []).append(element)
+            torque = element.torque if isinstance(element, Coulomb) else 0.0
+            torques[element.dof] = torques.get(element.dof, 0.0) + torque
+    reversals: dict[float, list[int]] = {}
+    kinks = {0.0, np.pi}
+    for dof, torque in torques.items():
+        for zero in velocity_zeros(cycle.coefficients[dof]).tolist():
+            kinks.add(zero)
+            if torque != 0.0:
+                reversals.setdefault(zero, []).append(dof)
     bounds = np.array(sorted(kinks))
     counts = np.ceil(steps * np.diff(bounds) / np.pi).astype(np.int64)
     widths = np.repeat(np.diff(bounds) / counts, counts)
@@ -85,8 +90,8 @@ def half_period_map(system: System, cycle: LimitCycle, steps: int = _DEFAULT_STE
         *nodes.shape, 2 * system.dofs, 2 * system.dofs)
     monodromy = np.eye(2 * system.dofs)
     for start, count, end in zip(bounds.tolist(), counts, ends, strict=False):
-        for element in reversals.get(start, []):
-            monodromy = _saltation(system, cycle, element, start) @ monodromy
+        for dof in reversals.get(start, []):
+            monodromy = _saltation(system, cycle, dof, torques[dof], start) @ monodromy
         piece = slice(end - count, end)
         loops.propagate(rates[piece], widths[piece] / cycle.frequency, monodromy)
     return monodromy
@@ -112,22 +117,28 @@ def _rates(system: System, cycle: LimitCycle, tau: Real) -> NDArray[np.float64]:
             for first, part in ((0, element.stiffness), (count, element.damping)):
                 block = np.moveaxis(part(place, velocity), -1, 0)
                 matrix[:, count:, [first + dof for dof in dofs]] -= inverse[:, dofs] @ block
+        elif not isinstance(element, Coulomb):
+            raise ValueError(f"an element is {type(element).__name__}, but stability knows "
+                             "Coulomb, QuadraticDamping and OddElement only")
     return matrix
 
 
-def _saltation(system: System, cycle: LimitCycle, element: Coulomb, tau: float) -> Real:
-    """The saltation matrix of one reversal, from the equations of motion at the cycle's state."""
+def _saltation(system: System, cycle: LimitCycle, dof: int, torque: float, tau: float) -> Real:
+    """The saltation matrix of a reversal of coordinate ``dof`` with friction ``torque``.
+
+    From the equations of motion at the cycle's state.
+    """
     count = system.dofs
     time = np.array([tau / cycle.frequency])
     place, velocity = cycle.position(time)[:, 0], cycle.velocity(time)[:, 0]
     # Whether the velocity falls or rises through zero, from the series itself.
-    before = np.sign(cycle.velocity(time - 1e-6 * cycle.period)[element.dof, 0])
+    before = np.sign(cycle.velocity(time - 1e-6 * cycle.period)[dof, 0])
     force = -system.damping @ velocity - system.stiffness @ place
     for other in system.elements:
-        if other is element:
-            continue
         dofs = list(other.dofs)
         if isinstance(other, Coulomb):
+            if other.dof == dof:
+                continue
             force[other.dof] -= other.torque * np.sign(velocity[other.dof])
         elif isinstance(other, QuadraticDamping):
             speed = velocity[other.dof]
@@ -135,14 +146,14 @@ def _saltation(system: System, cycle: LimitCycle, element: Coulomb, tau: float) 
         elif isinstance(other, OddElement):
             force[dofs] -= other.force(place[dofs, None], velocity[dofs, None])[:, 0]
     direction = np.zeros(count)
-    direction[element.dof] = element.torque
+    direction[dof] = torque
     jump = np.linalg.solve(system.mass, direction)
     free = np.linalg.solve(system.mass, force)
-    incoming = (free - before * jump)[element.dof]
-    outgoing = (free + before * jump)[element.dof]
+    incoming = (free - before * jump)[dof]
+    outgoing = (free + before * jump)[dof]
     if incoming * before >= 0.0 or outgoing * before >= 0.0:
         raise StickingError(
-            f"the friction on coordinate {element.dof} sticks where the cycle reverses it")
+            f"the friction on coordinate {dof} sticks where the cycle reverses it")
     result = np.eye(2 * count)
-    result[count:, count + element.dof] += 2.0 * before * jump / incoming
+    result[count:, count + dof] += 2.0 * before * jump / incoming
     return result

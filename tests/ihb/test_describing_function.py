@@ -69,6 +69,20 @@ def test_a_general_element_may_grow_beyond_a_threshold():
     assert cycle.coefficients[0, 0] == pytest.approx(outer, rel=0.01)
 
 
+def test_a_linear_part_may_be_in_the_element_or_in_the_matrices(van_der_pol):
+    """All of (x^2 - 1) x' + 0.3 x as one element, beside what is left of the matrices."""
+    whole = OddElement(
+        (0,), lambda q, v: (q**2 - 1.0) * v + 0.3 * q, lambda q, v: (2.0 * q * v + 0.3)[None],
+        lambda q, v: (q**2 - 1.0)[None])
+    apart = van_der_pol(1.0)
+    (expected,) = growing_cycles(apart).cycles
+    found = growing_cycles(System([[1.0]], [[0.0]], [[0.7]], (whole,)))
+    assert not found.undecided
+    (cycle,) = found.cycles
+    assert cycle.frequency == pytest.approx(expected.frequency, rel=1e-3)
+    assert cycle.coefficients == pytest.approx(expected.coefficients, rel=1e-2)
+
+
 def test_each_growing_mode_has_a_cycle_of_its_own():
     coupling = np.array([[1.05, -0.05], [-0.05, 4.05]])
     system = System(np.eye(2), np.diag([-0.1, -0.3]), coupling,

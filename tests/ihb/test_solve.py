@@ -64,6 +64,17 @@ def test_the_van_der_pol_oscillator_converges_to_its_published_values(van_der_po
     assert all(better[1] < worse[1] for worse, better in pairwise(errors))
 
 
+@pytest.mark.parametrize("mu", [0.1, 1.0, 1.5])
+def test_an_element_may_hold_its_linear_part_as_well(van_der_pol, mu):
+    whole = OddElement(
+        (0,), lambda q, v: mu * (q**2 - 1.0) * v, lambda q, v: (2.0 * mu * q * v)[None],
+        lambda q, v: (mu * (q**2 - 1.0))[None])
+    found = solve_cold(System([[1.0]], [[0.0]], [[1.0]], (whole,)), 12)
+    expected = solve_cold(van_der_pol(mu), 12)
+    assert amplitude_of(found) == pytest.approx(amplitude_of(expected), rel=1e-9)
+    assert found.limit_cycle.frequency == pytest.approx(expected.limit_cycle.frequency, rel=1e-9)
+
+
 def test_a_relaxation_oscillation_is_followed_from_a_gentle_one(van_der_pol):
     family = Family(van_der_pol, lambda mu: System(
         [[0.0]], [[-1.0]], [[0.0]], van_der_pol(1.0).elements))
