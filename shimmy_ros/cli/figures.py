@@ -19,10 +19,10 @@ from ..gear.parameters import Damper, Gear, ParameterError
 from ..gear.prediction import Predictor
 from ..gear.system import OperatingPoint
 from ..report.branch_table import branch_row, write_csv
-from ..report.method_table import difference_row, method_name, table_text
+from ..report.method_table import difference_row, method_name, summary_text, table_text
 from ..resources import resource_directory
 from .options import Commands, grid
-from .progress import INTERRUPTED, stoppable
+from .progress import INTERRUPTED, STOPPED, stoppable
 
 HARMONICS = (1, 4)
 _NAME = "figures_3_to_6"
@@ -90,6 +90,7 @@ def run(options: argparse.Namespace) -> int:
     for loss in losses:
         print(f"shimmy: did not converge: {loss}", file=sys.stderr)
     if stop.requested:
+        print(STOPPED, file=sys.stderr)
         return INTERRUPTED
     return 1 if losses else 0
 
@@ -140,4 +141,5 @@ def _write(cases: list[_Case], velocities: list[float], options: argparse.Namesp
     draw_methods([(case.damper, case.runs) for case in cases], (velocities[0], velocities[-1]),
                  f"Shimmy amplitude over taxi velocity: {source}", files[-1])
     print(table_text(table))
+    print(summary_text([(case.damper, case.runs) for case in cases]))
     print("\n".join(str(file) for file in files))

@@ -25,7 +25,7 @@ from .options import (
     setting_of,
     writable,
 )
-from .progress import INTERRUPTED, stoppable
+from .progress import INTERRUPTED, STOPPED, stoppable
 
 _LEAST_POINTS, _MOST_POINTS = 2, 1000
 
@@ -93,6 +93,7 @@ def run(options: argparse.Namespace) -> int:
     for loss in shimmy.losses:
         print(f"shimmy: did not converge: {loss}", file=sys.stderr)
     if not finished:
+        print(STOPPED, file=sys.stderr)
         return INTERRUPTED
     return 1 if shimmy.losses else 0
 

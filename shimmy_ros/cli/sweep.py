@@ -25,7 +25,7 @@ from .options import (
     setting_of,
     writable,
 )
-from .progress import INTERRUPTED, stoppable
+from .progress import INTERRUPTED, STOPPED, stoppable
 
 _DIRECTIONS = {"up": (True,), "down": (False,), "both": (True, False)}
 
@@ -94,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
     for loss in diagram.losses:
         print(f"shimmy: did not converge: {loss}", file=sys.stderr)
     if not finished:
+        print(STOPPED, file=sys.stderr)
         return INTERRUPTED
     return 1 if diagram.losses else 0
 

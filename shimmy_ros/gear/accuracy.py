@@ -67,7 +67,7 @@ def solve_to_accuracy(point: OperatingPoint, accuracy: float) -> Answer:
         return Answer(Outcome.FAILED, None, f"did not converge: {error}")
     if settled is None:
         return Answer(Outcome.NO_LIMIT_CYCLE, None, "no limit cycle: none grows from rest, or the "
-                      "motion dies that starts on the cycle of weaker friction")
+                      "motions die that start beyond it")
     return _by_shooting(settled)
 
 

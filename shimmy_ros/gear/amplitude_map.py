@@ -52,7 +52,7 @@ class AmplitudeMap:
             row = Diagram(self.y.at(self._point, value), self.x, self.xs, self._settings)
             if before is not None:
                 self._carry_all(before, row)
-            for _ in row.trace_stable(thorough=not row.points):
+            for _ in row.trace_stable():
                 pass
             self.losses += [f"{self.y.name} {value:g}, {loss}" for loss in row.losses]
             self.rows.append(row)

@@ -15,7 +15,7 @@ from .branches import (
     Settings,
     follow,
 )
-from .growing import growing_cycle, quick_cycle
+from .growing import growing_cycle
 from .limit_cycles import all_cycles
 from .one_harmonic import one_harmonic_cycles
 from .orbits import Orbit
@@ -95,23 +95,11 @@ class Diagram:
             # What one harmonic sees and the search does not find is not sought again next door.
             unseen = max(0, len(guesses) - len(self.cycles(index)))
 
-    def trace_stable(self, thorough: bool = True) -> Iterator[DiagramPoint]:
-        """Every branch of stable cycles that the search finds, up to its folds.
-
-        Unless it is ``thorough``, cycles that the balance alone does not see are not sought.
-        """
-        for index in self._seeds() if thorough else []:
+    def trace_stable(self) -> Iterator[DiagramPoint]:
+        """Every branch of stable cycles that the search finds, up to its folds."""
+        for index in dict.fromkeys((*self._seeds(), *range(len(self._grid)))):
             if not self.stable(index):
                 yield from self._search_growing(index)
-        for index, point in enumerate(self._grid):
-            if not self.stable(index):
-                quick, _ = quick_cycle(point, self.settings)
-                if quick is not None and quick.stable is not False:
-                    yield from self.trace(index, quick, only_to_fold=True)
-        if self.losses:
-            for index in range(len(self._grid)):
-                if not self.stable(index) and index not in self.undecided:
-                    yield from self._search_growing(index)
         for index in range(len(self._grid)):
             if not self.stable(index) and any(
                     point.orbit.stable is None for point in self.cycles(index)):
@@ -177,7 +165,7 @@ class Diagram:
             self._lose(index, error)
             self.undecided.add(index)
             return
-        if growing is not None:
+        if growing is not None and growing.stable is not False:
             yield from self.trace(index, growing, only_to_fold=True)
 
     def _point(self, branch: int, order: int, there: BranchPoint, closing: bool) -> DiagramPoint:

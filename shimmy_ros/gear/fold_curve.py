@@ -89,8 +89,9 @@ def fold_curve(window: Window, fold: FoldPoint, inside: tuple[float, float], sta
                settings: Settings) -> Iterator[FoldPoint]:
     """The curve through ``fold``, first to one side and then to the other, within the window.
 
-    ``stable`` is the cycle at the parameters ``inside``, near the fold and on the side on which
-    cycles are. Raises ContinuationError where the curve is lost.
+    A side ends at the window, and in a cusp, where two curves of folds meet and vanish. ``stable``
+    is the cycle at the parameters ``inside``, near the fold and on the side on which cycles are.
+    Raises ContinuationError, after the other side, where the curve is lost.
     """
     if settings.method == BALANCE:
         yield from _tracked(window, fold, settings)
@@ -98,11 +99,17 @@ def fold_curve(window: Window, fold: FoldPoint, inside: tuple[float, float], sta
     yield fold
     start, here = window.place(fold.first, fold.second), window.place(*inside)
     across = (here - start) / np.linalg.norm(here - start)
+    lost: ContinuationError | None = None
     for sense in (1, -1):
         along = sense * np.array([-across[1], across[0]])
-        for count, (place, orbit) in enumerate(
-                _walk(window, start, along, across, (here, stable), settings), 1):
-            yield FoldPoint(*window.values(place), orbit, sense * count)
+        try:
+            for count, (place, orbit) in enumerate(
+                    _walk(window, start, along, across, (here, stable), settings), 1):
+                yield FoldPoint(*window.values(place), orbit, sense * count)
+        except ContinuationError as error:
+            lost = error
+    if lost is not None:
+        raise lost
 
 
 def _walk(window: Window, start: Real, along: Real, across: Real, beside: tuple[Real, Orbit],
@@ -111,8 +118,10 @@ def _walk(window: Window, start: Real, along: Real, across: Real, beside: tuple[
     here, step, offset = start, _PROBE, _OFFSET * _FIRST_STEP
     probing = True
     for _ in range(_MOST_POINTS):
+        vanished = False
         try:
             found = _fold_ahead(window, here + step * along, offset * across, beside, settings)
+            vanished = found is None
         except ParameterError:
             # Beyond what the parameters may be.
             return
@@ -129,6 +138,8 @@ def _walk(window: Window, start: Real, along: Real, across: Real, beside: tuple[
             # The offset stays, so that a direction that was wrong does not matter in the end.
             step *= 0.5
             if step < _SMALLEST_STEP:
+                if vanished and not probing:
+                    return
                 first, second = window.values(here)
                 raise ContinuationError(
                     f"the curve of folds could not be followed beyond {window.first.name} "
@@ -159,12 +170,15 @@ class _Found(NamedTuple):
 
 def _fold_ahead(window: Window, predicted: Real, offset: Real, beside: tuple[Real, Orbit],
                 settings: Settings) -> _Found | None:
-    """The fold on the line across the curve at ``predicted``, and a stable cycle beside it."""
+    """The fold on the line across the curve at ``predicted``, and a stable cycle beside it.
+
+    None where the branch passes without a fold. Raises ContinuationError.
+    """
     inside, outside = predicted + offset, predicted - 2.0 * offset
     stable = carry(beside[1], window.at(beside[0]), window.at(inside), settings)
     if stable is None:
-        return None
-    line = Line(family_between(window.at(inside), window.at(outside)))
+        raise ContinuationError("the cycle beside the curve folds away")
+    line = Line(family_between(window.at(inside), window.at(outside)), 1.0)
     for point in follow(line, stable, 0.0, 1, settings):
         if point.is_fold:
             return _Found(inside + point.position * (outside - inside), point.orbit, inside,

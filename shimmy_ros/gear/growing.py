@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from ..ihb.solution import Outcome
 from ..ihb.solve import solve_cold
-from .branches import BALANCE, ContinuationError, Line, Settings, follow
-from .orbits import Orbit, balance_orbit, shoot
-from .parameters import changed
-from .system import OperatingPoint, family_between, gear_system
+from .branches import AUTO, BALANCE, ContinuationError, Settings
+from .orbits import Orbit, balance_near, balance_orbit, shoot
+from .settling import SettlingError, settled_orbit
+from .system import OperatingPoint, gear_system
 
-# Friction from which a branch is followed up to the one asked for.
-_WEAKER = (0.5, 0.2, 0.05, 0.0)
 # An estimate may be off by these factors.
 _SAME_AMPLITUDE, _SAME_FREQUENCY = 3.5, 1.7
 
@@ -23,37 +20,29 @@ def growing_cycle(point: OperatingPoint, settings: Settings) -> Orbit | None:
 
     Raises ContinuationError where the search did not converge.
     """
-    quick, outcome = quick_cycle(point, settings)
-    if quick is not None:
-        return quick
-    if settings.method == BALANCE:
+    # With few harmonics the balance sees folds too early or too late, and none where it sticks. But
+    # where nothing sticks, or nothing limits the motion, it is right.
+    if settings.method == BALANCE or (
+            point.damper.coulomb_torque == 0.0 or point.damper.quadratic_damping == 0.0):
+        quick, outcome = _from_balance(point, settings)
         if outcome is Outcome.FAILED:
             raise ContinuationError("the balance did not converge")
-        return None
-    # With few harmonics the balance sees folds too early or too late, and none where it sticks.
-    released = replace(point, damper=changed(point.damper, coulomb_torque=0.0))
-    line = Line(family_between(released, point))
-    for factor in _WEAKER:
-        system = line.system(factor)
-        cold = solve_cold(system, settings.harmonics)
-        if cold.limit_cycle is not None:
-            start = balance_orbit(system, cold.limit_cycle)
-            # If need be through two folds, or four.
-            for there in follow(line, start, factor, 1, settings):
-                if there.position == 1.0 and there.orbit.stable:
-                    return there.orbit
-            return None
-        outcome = cold.outcome
-    if outcome is Outcome.FAILED:
-        raise ContinuationError("neither the balance nor shooting converged")
-    return None
+        return quick
+    try:
+        orbit = settled_orbit(point)
+    except SettlingError as error:
+        orbit, _ = _from_balance(point, settings)
+        if orbit is None:
+            raise ContinuationError(str(error)) from error
+    if orbit is not None and settings.method == AUTO and not orbit.sticks:
+        balanced = balance_near(gear_system(point), orbit, settings.harmonics)
+        if balanced is not None and settings.accepts(balanced) and balanced.same_as(orbit):
+            return balanced
+    return orbit
 
 
-def quick_cycle(point: OperatingPoint, settings: Settings) -> tuple[Orbit | None, Outcome]:
-    """The cycle that the balance finds without a guess, confirmed, and the balance's outcome.
-
-    Near folds, and where the swivel sticks, None does not mean that there is no cycle.
-    """
+def _from_balance(point: OperatingPoint, settings: Settings) -> tuple[Orbit | None, Outcome]:
+    """The cycle that the balance finds without a guess, confirmed, and the balance's outcome."""
     system = gear_system(point)
     cold = solve_cold(system, settings.harmonics)
     if cold.limit_cycle is None:

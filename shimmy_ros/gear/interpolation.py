@@ -54,10 +54,12 @@ class Cubic(NamedTuple):
     def crossing(self, level: float, left: float = 0.0, right: float = 1.0) -> float:
         """Where the cubic passes ``level`` between ``left`` and ``right``, on whose sides it lies.
 
-        Where ``left`` lies on the same side, which only rounding can bring about, it is ``left``.
+        Either end may lie on the level and is where it passes then. Where both lie on the same
+        side, which only rounding can bring about, it is ``left``.
         """
-        if (self.value(left) - level) * (self.value(right) - level) >= 0.0:
-            return left
+        before, after = self.value(left) - level, self.value(right) - level
+        if before * after >= 0.0:
+            return right if after == 0.0 != before else left
         return float(brentq(lambda at: self.value(at) - level, left, right, xtol=1e-14))
 
 

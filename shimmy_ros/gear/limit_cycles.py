@@ -5,7 +5,8 @@ product of the two alone. As it grows, cycles meet in folds and vanish. A gear i
 from a product at which one harmonic knows all its cycles, up through the folds and back down: with
 more friction, and, where its own product is smaller, from there with less friction or, for cycles
 whose size is set by the friction, with less quadratic damping. What does not hang together with
-these branches is looked for from the one-harmonic cycles at the point itself.
+these branches is looked for from the one-harmonic cycles at the point itself, and where motions
+settle.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from .matrices import DAMPER, SWIVEL
 from .one_harmonic import OneHarmonicCycle, fold_torques, one_harmonic_cycles
 from .orbits import Orbit, balance_orbit, converge, shoot, shooting_orbit
 from .parameters import changed
+from .settling import SettlingError, settled_orbit
 from .simulation import ANGLE_LIMIT
 from .system import OperatingPoint, family_between, gear_system
 
@@ -126,6 +128,14 @@ class _Search:
             orbit = _near_guess(point, guess, self.found)
             if orbit is not None and self._add(orbit) and not _outer(orbit, self.found):
                 self._from_here(orbit)
+        if point.damper.coulomb_torque > 0.0 and point.damper.quadratic_damping > 0.0:
+            try:
+                settled = settled_orbit(point)
+            except SettlingError:
+                # It has more than one frequency, or none of its own: that is no cycle.
+                settled = None
+            if settled is not None and self._add(settled):
+                self._from_here(settled)
 
     def _through_folds(self, curbed: OperatingPoint, fold: float) -> None:
         """Follow all cycles with a friction of half of ``fold``, that of the lowest fold, up."""

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from .interpolation import Cubic
 
@@ -54,6 +53,9 @@ def measure_cycles(time: ArrayLike, position: ArrayLike, rate: ArrayLike | None 
     if not (np.diff(t) > 0.0).all():
         raise ValueError("time must increase from sample to sample")
     if rate is None and len(t) > 1:
+        # It takes long to import, and rates are known as a rule.
+        from scipy.interpolate import CubicSpline
+
         v = CubicSpline(t, x)(t, 1)
     crossings = [_zero(t, x, v, before) for before in _upward_crossings(x, smallest)]
     bounds = np.searchsorted(t, crossings)

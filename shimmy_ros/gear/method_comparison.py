@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..ihb.harmonics import with_harmonics
 from .axes import VELOCITY, Axis
@@ -17,23 +18,27 @@ from .one_harmonic import one_harmonic_cycles
 from .orbits import Orbit, balance_orbit, converge, fourier
 from .system import OperatingPoint, gear_system
 
+Real = NDArray[np.float64]
+
 # A cycle of the balance this much larger or smaller is not the trigger's.
 _SAME = 3.5
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How far a method is from the reference, relative, over the velocities that both answer.
+    """How far a method is from the reference over the ``velocities`` (m,) that both answer, m/s.
 
-    ``worst_at`` is the velocity [m/s] of the worst amplitude. Amplitudes are the swivel's.
+    ``amplitude`` (m,) of the swivel and ``frequency`` (m,) are relative.
     """
 
-    compared: int
-    median_amplitude: float
-    worst_amplitude: float
-    worst_at: float
-    median_frequency: float
-    worst_frequency: float
+    velocities: Real
+    amplitude: Real
+    frequency: Real
+
+    @property
+    def worst_at(self) -> float:
+        """The velocity [m/s] of the worst amplitude."""
+        return float(self.velocities[np.argmax(self.amplitude)])
 
 
 class MethodRun:
@@ -87,9 +92,7 @@ class MethodRun:
             return None
         ratio = np.array([np.array(own[velocity]) / other[velocity] for velocity in both])
         amplitude, frequency = np.abs(ratio - 1.0).T
-        worst = int(np.argmax(amplitude))
-        return Difference(len(both), float(np.median(amplitude)), float(amplitude[worst]),
-                          both[worst], float(np.median(frequency)), float(frequency.max()))
+        return Difference(np.array(both), amplitude, frequency)
 
     def _answers(self) -> dict[float, tuple[float, float]]:
         """Swivel amplitude and frequency of the stable cycle at each velocity that has one."""

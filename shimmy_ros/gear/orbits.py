@@ -107,7 +107,7 @@ def balance_orbit(system: System, cycle: LimitCycle) -> Orbit:
 
 def shooting_orbit(cycle: Cycle, residual: float) -> Orbit:
     """The orbit that shooting found, closing up to a relative ``residual``."""
-    return Orbit(SHOOTING, cycle.amplitude, cycle.frequency / (2.0 * np.pi), cycle.stable,
+    return Orbit(SHOOTING, cycle.amplitude, float(cycle.frequency / (2.0 * np.pi)), cycle.stable,
                  float(np.abs(cycle.multipliers).max()), cycle.sticks, residual, 0, cycle)
 
 

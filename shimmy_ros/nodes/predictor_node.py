@@ -28,7 +28,8 @@ from .interface import publisher
 from .parameters import declare_count
 from .what_if import WhatIf
 
-_WARM_UP_VELOCITIES = (40.0, 41.0)
+# At the last one the swivel sticks, which the balance cannot answer.
+_WARM_UP_VELOCITIES = (40.0, 41.0, 7.0)
 _MAXIMUM_POINTS_RANGE = Range("points", "points that a what-if query may have", 1, 1_000_000)
 
 

@@ -36,7 +36,8 @@ def draw_map(shimmy: AmplitudeMap, title: str, file: Path) -> None:
     for number, curve in enumerate(shimmy.curves):
         ordered = sorted(curve, key=lambda fold: fold.order)
         axis.plot([fold.first for fold in ordered], [fold.second for fold in ordered],
-                  color="tab:red", linewidth=2.0, label=None if number else "folds")
+                  color="tab:red", linewidth=2.0,
+                  label=None if number else "folds: the boundary of shimmy")
     undecided = [(row.values[index], y) for row, y in zip(shimmy.rows, shimmy.ys, strict=False)
                  for index in row.undecided]
     if undecided:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ..gear.method_comparison import MethodRun
 from ..gear.parameters import Damper
 from .branch_table import Row
@@ -30,12 +32,12 @@ def difference_row(damper: Damper, run: MethodRun, reference: MethodRun) -> Row:
     }
     if difference is not None:
         row |= {
-            "velocities": difference.compared,
-            "median_amplitude_percent": 100.0 * difference.median_amplitude,
-            "worst_amplitude_percent": 100.0 * difference.worst_amplitude,
+            "velocities": len(difference.velocities),
+            "median_amplitude_percent": 100.0 * float(np.median(difference.amplitude)),
+            "worst_amplitude_percent": 100.0 * float(difference.amplitude.max()),
             "worst_at_m_per_s": difference.worst_at,
-            "median_frequency_percent": 100.0 * difference.median_frequency,
-            "worst_frequency_percent": 100.0 * difference.worst_frequency,
+            "median_frequency_percent": 100.0 * float(np.median(difference.frequency)),
+            "worst_frequency_percent": 100.0 * float(difference.frequency.max()),
         }
     return row
 
@@ -57,4 +59,22 @@ def table_text(rows: Sequence[Row]) -> str:
                          f"{row['worst_frequency_percent']:7.4f}")
         parts.append(f"{row['ms_per_velocity']:11.2f} {row['times_faster']:8.1f}x")
         lines.append(" ".join(parts))
+    return "\n".join(lines)
+
+
+def summary_text(cases: Sequence[tuple[Damper, Sequence[MethodRun]]]) -> str:
+    """For each method its difference from the reference, the last run, over all cases together."""
+    lines = []
+    for methods in zip(*(runs[:-1] for _, runs in cases), strict=True):
+        found = [(difference, damper) for run, (damper, runs) in zip(methods, cases, strict=True)
+                 if (difference := run.compared_with(runs[-1])) is not None]
+        if not found:
+            continue
+        amplitude = np.concatenate([difference.amplitude for difference, _ in found])
+        worst, damper = max(found, key=lambda item: float(item[0].amplitude.max()))
+        lines.append(
+            f"{method_name(methods[0])}, swivel amplitude at {len(amplitude)} points: median "
+            f"{100.0 * np.median(amplitude):.3f} %, worst {100.0 * worst.amplitude.max():.3f} % "
+            f"(C_d {damper.quadratic_damping:g}, T_CF {damper.coulomb_torque:g}, "
+            f"{worst.worst_at:g} m/s)")
     return "\n".join(lines)

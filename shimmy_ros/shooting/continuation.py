@@ -202,6 +202,9 @@ def _converged(family: _Family, unknowns: Real, condition: _Condition,
         error = shot.error
         if error <= family.tolerance or (error <= STAGNATION and error > 0.5 * last):
             return _Point(unknowns, shot, size, _tangent(shot, size, heading), iteration)
+        if error > last:
+            # From a start near enough it only falls; a shorter step costs less than to go on.
+            return None
         last = error
         row = condition.row * size
         weight = float(np.linalg.norm(row))

@@ -10,25 +10,22 @@ the row of v becomes zero and the rank drops. At a release the field is continuo
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from .modes import Mode, Model, Real, Signs, derivative, extended, mode_of, signs_at
 from .polynomial import first_descent
-from .series import extend
+from .series import extended_series, keeps_sign, rows_after, step_length
 from .trajectory import Piece, Trajectory
 
 ORDER = 30
 _TOLERANCE = 1e-16
 _DERIVATIVE_TOLERANCE = 1e-12
 _EXPONENTS = np.arange(ORDER + 1.0)
-# A step grows at most so much; its length is settled to within so much; and components below the
-# smallest number count as zero.
+# A step grows at most so much; its length is settled to within so much.
 _GROWTH = 8.0
 _SETTLED = 0.9
-_TINY = 1e-200
 _MOST_STEPS = 200_000
 
 
@@ -88,7 +85,7 @@ def advance(model: Model, state: Real, duration: float, *, derivatives: bool = F
 
 
 class _Flow:
-    """The modes met so far.
+    """A motion on its way.
 
     ``rows`` (r, 2n) hold the state, its derivative by every component of the initial state, and
     that by the parameter, as far as they are asked for. Series are in s = (t - start) / unit.
@@ -99,15 +96,16 @@ class _Flow:
         self.size = 2 * model.dofs
         self.velocities = [model.dofs + dof for dof in model.active]
         self._velocities = np.array(self.velocities, dtype=np.int64)
-        self.modes: dict[Signs, Mode] = {}
-        self.mode_rates: dict[Signs, tuple[Real, Real]] = {}
+        self._drags = model.drag.tolist()
+        self._rates: dict[Signs, tuple[Real, Real]] = {}
 
-    def mode(self, signs: Signs) -> Mode:
-        if signs not in self.modes:
-            self.modes[signs] = mode_of(self.model, signs)
-            if self.rate is not None:
-                self.mode_rates[signs] = self.rate.mode(signs)
-        return self.modes[signs]
+    def rates(self, signs: Signs) -> tuple[Real, Real] | None:
+        """The derivatives of a mode by the parameter, if that is asked for."""
+        if self.rate is None:
+            return None
+        if signs not in self._rates:
+            self._rates[signs] = self.rate.mode(signs)
+        return self._rates[signs]
 
     def stuck(self, signs: Signs) -> list[int]:
         """The components of the state that are held at zero."""
@@ -118,24 +116,24 @@ class _Flow:
         largest = np.abs(rows)
         # How many terms of its velocity vanish, by the event just passed, in a coordinate.
         contact: dict[int, int] = {}
-        time, unit = 0.0, 1.0 / float(np.abs(self.mode(signs).matrix[:self.size]).max())
+        time, unit = 0.0, 1.0 / float(np.abs(mode_of(self.model, signs).matrix[:self.size]).max())
         for _ in range(_MOST_STEPS):
             if time >= duration:
                 return rows, pieces
             unit = min(unit, duration - time)
-            series = self._series(rows, self.mode(signs), unit)
-            natural = _length(series[:, :, :self.size], largest)
-            length = min(natural, (duration - time) / unit)
-            if not np.isfinite(series).all() or time + natural * unit == time:
+            series = self._series(rows, mode_of(self.model, signs), unit)
+            natural = step_length(series, largest, _TOLERANCE, _DERIVATIVE_TOLERANCE, _GROWTH,
+                                  _SETTLED)
+            if not time + natural * unit > time:
                 raise FlowError(f"the motion grows without bound after {time:g} s")
-            event = self._event(series[:, 0], signs, length, contact)
+            length = min(natural, (duration - time) / unit)
+            event = self._event(series, signs, length, contact)
             if event is not None:
                 length *= event.place
             if length > 0.0:
-                rows = np.tensordot(length ** _EXPONENTS, series[:, :, :self.size], 1)
-                pieces.append(Piece(time, length * unit, unit, series[:, 0, :self.size].copy(),
+                rows = rows_after(series, length, largest)
+                pieces.append(Piece(time, length * unit, unit, series[:, :self.size, 0].copy(),
                                     signs))
-                largest = np.maximum(largest, np.abs(rows))
                 contact = {}
             if event is not None:
                 # Without progress the sign of the next term has come from rounding: pass over it.
@@ -148,32 +146,33 @@ class _Flow:
                         "grows without bound or switches without end")
 
     def _series(self, rows: Real, mode: Mode, unit: float) -> Real:
-        """Coefficients (p + 1, r, 2n + m) of the rows and of w and its derivatives."""
-        series = np.empty((ORDER + 1, len(rows), self.size + len(self.velocities)))
-        series[0, :, :self.size] = rows
-        rates = self.mode_rates.get(mode.signs)
+        """Coefficients (p + 1, 2n + m, r) of the rows and of w and its derivatives."""
+        rates = self.rates(mode.signs)
         # Drag that is zero here may still change with the parameter.
-        drags = (self.model.drag != 0.0) | (rates is not None)
-        matrix, constant = unit * mode.matrix, unit * mode.constant
-        by_matrix, by_constant = (
-            (matrix, constant) if rates is None else (unit * rates[0], unit * rates[1]))
-        extend(series, matrix, constant, self._velocities, np.where(drags, mode.signs, 0.0),
-               by_matrix, by_constant, rates is not None)
+        weights = np.array([float(sign) if drag != 0.0 or rates is not None else 0.0
+                            for sign, drag in zip(mode.signs, self._drags, strict=True)])
+        by_matrix, by_constant = (mode.matrix, mode.constant) if rates is None else rates
+        series: Real = extended_series(
+            ORDER, unit, rows, mode.matrix, mode.constant, self._velocities, weights, by_matrix,
+            by_constant, rates is not None)
         return series
 
     def _event(self, series: Real, signs: Signs, length: float,
                contact: dict[int, int]) -> _Event | None:
-        """The first event within ``length``, from the series (p + 1, 2n + m) of the state."""
-        scaled = series * (length ** _EXPONENTS)[:, None]
-        mode = self.mode(signs)
+        """The first event within ``length``, from the ``series`` (p + 1, 2n + m, r)."""
+        powers = length ** _EXPONENTS
         found: list[_Event] = []
         for index, sign in enumerate(signs):
+            velocity = self.velocities[index]
             if sign != 0:
-                margin = sign * scaled[:, self.velocities[index]]
+                if index not in contact and keeps_sign(series, velocity, length, sign):
+                    continue
+                margin = sign * powers * series[:, velocity, 0]
                 margin[:contact.get(index, 0)] = 0.0
                 margins = [margin]
             else:
-                force = scaled @ mode.hold[:, index]
+                mode = mode_of(self.model, signs)
+                force = powers * (series[:, :, 0] @ mode.hold[:, index])
                 force[0] += mode.hold_constant[index]
                 margins = [-force, force]
                 for margin in margins:
@@ -186,7 +185,7 @@ class _Flow:
 
     def _switch(self, rows: Real, signs: Signs, event: _Event) -> tuple[Signs, int]:
         """The mode after an event, and how many terms of the velocity vanish; changes ``rows``."""
-        state, before = rows[0], self.mode(signs)
+        state, before = rows[0], mode_of(self.model, signs)
         index, velocity = event.number, self.velocities[event.number]
         if event.release:
             force = extended(self.model, signs, state) @ before.hold + before.hold_constant
@@ -195,26 +194,8 @@ class _Flow:
         state[velocity] = 0.0
         after = signs_at(self.model, state, signs)
         field = derivative(self.model, before, state)
-        jump = derivative(self.model, self.mode(after), state) - field
+        jump = derivative(self.model, mode_of(self.model, after), state) - field
         if len(rows) > 1 and field[velocity] != 0.0:
             rows[1:] += np.multiply.outer(rows[1:, velocity] / field[velocity], jump)
         rows[:, self.stuck(after)] = 0.0
         return after, 1
-
-
-def _length(series: Real, largest: Real) -> float:
-    """The length of a step in units, given the largest value of each component so far."""
-    sizes = np.abs(series)
-    tolerance = np.full((len(largest), 1), _DERIVATIVE_TOLERANCE)
-    tolerance[0] = _TOLERANCE
-    length = 1.0
-    while True:
-        powers = (length ** _EXPONENTS)[:, None, None]
-        allowed = tolerance * np.maximum(np.maximum(largest, (sizes * powers).max(axis=0)), _TINY)
-        excess = [float((sizes[order] / allowed).max()) for order in (ORDER - 1, ORDER)]
-        reached = min([_GROWTH, *(math.pow(size, -1.0 / order) for size, order in zip(
-            excess, (ORDER - 1, ORDER), strict=True) if size > 0.0)])
-        if not reached < _SETTLED * length:
-            return reached
-        # The terms of a step too long by far exaggerate the size of the motion.
-        length = reached

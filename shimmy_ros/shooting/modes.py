@@ -60,6 +60,11 @@ class Model:
         """The inverse of the mass matrix, shape (n, n)."""
         return np.asarray(np.linalg.inv(self.mass), dtype=np.float64)
 
+    @cached_property
+    def modes(self) -> dict[Signs, Mode]:
+        """The modes asked for so far, which `mode_of` keeps here."""
+        return {}
+
     @property
     def frictional(self) -> tuple[int, ...]:
         """The positions within ``active`` of the coordinates that can stick."""
@@ -102,6 +107,12 @@ def model_of(system: System) -> Model:
 
 def mode_of(model: Model, signs: Signs) -> Mode:
     """The smooth equation of motion of ``model`` in the mode ``signs``, of length m."""
+    if signs not in model.modes:
+        model.modes[signs] = _mode(model, signs)
+    return model.modes[signs]
+
+
+def _mode(model: Model, signs: Signs) -> Mode:
     dofs, count = model.dofs, len(model.active)
     direction = np.array(signs, dtype=np.float64)
     sticking = [dof for dof, sign in zip(model.active, signs, strict=True) if sign == 0]

@@ -11,13 +11,16 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+
+from .series import compiled
 
 Real = NDArray[np.float64]
 
 _DEEPEST = 45
 # Not one half: roots at round places would lie on an interval's end, where rounding decides.
 _SPLIT = 0.4871
+_MOST_ITERATIONS = 200
+_ROUNDING = 4.0 * 2.220446049250313e-16
 
 
 def roots(coefficients: Real) -> list[float]:
@@ -26,10 +29,12 @@ def roots(coefficients: Real) -> list[float]:
     ``coefficients`` (p + 1,) are those of 1, x, x^2, ...; leading zeros, a root at 0, are ignored,
     and so is a root in which the sign does not change.
     """
+    if abs(coefficients[0]) > np.abs(coefficients[1:]).sum():
+        return []
     nonzero = np.flatnonzero(coefficients)
     if nonzero.size == 0:
         return []
-    return _roots(coefficients[nonzero[0]:], first_only=False)
+    return _roots(coefficients[nonzero[0]:], False)
 
 
 def first_descent(coefficients: Real) -> float | None:
@@ -49,49 +54,78 @@ def first_descent(coefficients: Real) -> float | None:
         coefficients = coefficients[1 + nonzero[0]:]
         if coefficients[0] < 0.0:
             return 0.0
-    found = _roots(coefficients, first_only=True)
+    found = _roots(coefficients, True)
     return found[0] if found else None
 
 
 def _roots(coefficients: Real, first_only: bool) -> list[float]:
-    degree = len(coefficients) - 1
-    to_bernstein, left, right = _matrices(degree)
-    falling = coefficients[::-1].tolist()
-    stack = [(0.0, 1.0, to_bernstein @ coefficients, 0)]
-    found: list[float] = []
-    while stack:
-        low, high, bernstein, depth = stack.pop()
-        sign = np.sign(bernstein)
-        nonzero = sign[sign != 0.0]
-        changes = int(np.count_nonzero(nonzero[1:] != nonzero[:-1]))
-        if changes == 0:
-            if sign[-1] == 0.0 and nonzero.size:
-                found.append(high)
-        elif changes == 1 and sign[0] != 0.0 and sign[-1] != 0.0:
-            found.append(_solve(falling, low, high, bernstein[0], bernstein[-1]))
-        elif depth < _DEEPEST:
-            middle = low + _SPLIT * (high - low)
-            stack.append((middle, high, right @ bernstein, depth + 1))
-            stack.append((low, middle, left @ bernstein, depth + 1))
-        if first_only and found:
-            break
+    found: list[float] = _isolated(np.ascontiguousarray(coefficients),
+                                   *_matrices(len(coefficients) - 1), first_only).tolist()
     return found
 
 
-def _solve(falling: list[float], low: float, high: float, at_low: float, at_high: float) -> float:
-    """The root between two places with values of opposite sign there."""
+@compiled
+def _isolated(coefficients: Real, to_bernstein: Real, left: Real, right: Real, first_only: bool
+              ) -> Real:
+    """The roots, ascending; those of either part of an interval from its matrix."""
+    count = coefficients.shape[0]
+    # One interval waits at each depth, and the one in work.
+    waiting = np.empty((_DEEPEST + 2, count))
+    lows, highs = np.zeros(_DEEPEST + 2), np.ones(_DEEPEST + 2)
+    depths = np.zeros(_DEEPEST + 2, np.int64)
+    waiting[0] = to_bernstein @ coefficients
+    top = 0
+    found = np.empty(count)
+    number = 0
+    while top >= 0 and number < count and not (first_only and number):
+        bernstein = waiting[top].copy()
+        low, high, depth = lows[top], highs[top], depths[top]
+        top -= 1
+        changes, last = 0, 0.0
+        for value in bernstein:
+            if value != 0.0:
+                changes += value * last < 0.0
+                last = np.sign(value)
+        if changes == 0:
+            if bernstein[-1] == 0.0 and last != 0.0:
+                found[number] = high
+                number += 1
+        elif changes == 1 and bernstein[0] != 0.0 and bernstein[-1] != 0.0:
+            found[number] = _solved(coefficients, low, high, bernstein[0] > 0.0)
+            number += 1
+        elif depth < _DEEPEST:
+            middle = low + _SPLIT * (high - low)
+            for part in range(2):
+                top += 1
+                waiting[top] = (right if part == 0 else left) @ bernstein
+                lows[top], highs[top] = (middle, high) if part == 0 else (low, middle)
+                depths[top] = depth + 1
+    return found[:number]
 
-    def value(place: float) -> float:
+
+@compiled
+def _solved(coefficients: Real, low: float, high: float, falls: bool) -> float:
+    """The only root between two places, by Newton's method where it stays within the bracket."""
+    place = 0.5 * (low + high)
+    for _ in range(_MOST_ITERATIONS):
+        value, slope = 0.0, 0.0
+        for k in range(coefficients.shape[0] - 1, -1, -1):
+            slope = slope * place + value
+            value = value * place + coefficients[k]
+        if value == 0.0:
+            return place
         # At the ends rounding may give another sign to a value that is nearly zero.
-        if place in (low, high):
-            return at_low if place == low else at_high
-        total = 0.0
-        for coefficient in falling:
-            total = total * place + coefficient
-        return total
-
-    return float(brentq(value, low, high, xtol=1e-30, rtol=4.0 * np.finfo(float).eps,
-                        maxiter=1000))
+        if (value > 0.0) == falls:
+            low = place
+        else:
+            high = place
+        following = place - value / slope if slope != 0.0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if abs(following - place) <= _ROUNDING * place or high - low <= _ROUNDING * high:
+            return following
+        place = following
+    return place
 
 
 @cache

@@ -10,6 +10,7 @@ import numpy as np
 
 from .modes import Real, Signs
 from .polynomial import roots
+from .series import values_at
 
 
 class Piece(NamedTuple):
@@ -54,39 +55,56 @@ class Trajectory:
     def _starts(self) -> Real:
         return np.array([piece.start for piece in self.pieces])
 
+    @cached_property
+    def _units(self) -> Real:
+        return np.array([piece.unit for piece in self.pieces])
+
+    @cached_property
+    def _series(self) -> Real:
+        """The series of all pieces, shape (pieces, p + 1, 2n)."""
+        return np.array([piece.series for piece in self.pieces])
+
+    @cached_property
+    def _terms(self) -> Real:
+        """The same in shares of the pieces' lengths."""
+        shares = np.array([piece.length for piece in self.pieces]) / self._units
+        return self._series * shares[:, None, None] ** np.arange(self._series.shape[1])[:, None]
+
     def sample(self, times: Real) -> Real:
         """The state at times within [0, duration], shape (2n, times)."""
         times = np.asarray(times, dtype=np.float64)
-        states = np.empty((len(self.end), times.size))
-        place = np.clip(np.searchsorted(self._starts, times, side="right") - 1, 0, None)
-        for index in np.unique(place):
-            piece, inside = self.pieces[index], place == index
-            powers = np.vander((times[inside] - piece.start) / piece.unit, len(piece.series),
-                               increasing=True)
-            states[:, inside] = (powers @ piece.series).T
+        numbers = np.clip(np.searchsorted(self._starts, times, side="right") - 1, 0, None)
+        states: Real = values_at(self._series, numbers,
+                                 (times - self._starts[numbers]) / self._units[numbers])
         return states
+
+    def _changes(self, component: int) -> list[tuple[int, float]]:
+        """Where a component changes sign: the number of the piece, and the share of its length."""
+        sizes = np.abs(self._terms[:, :, component])
+        unsure = np.flatnonzero(sizes[:, 0] <= sizes[:, 1:].sum(axis=1))
+        return [(number, root) for number in unsure.tolist()
+                for root in roots(self._terms[number, :, component])]
 
     def zeros(self, component: int) -> Real:
         """The times, ascending and after 0, at which a component of the state changes sign."""
-        found: list[float] = []
-        for piece in self.pieces:
-            powers = (piece.length / piece.unit) ** np.arange(len(piece.series))
-            found += [piece.start + piece.length * root
-                      for root in roots(piece.series[:, component] * powers)]
-        return np.array(found)
+        return np.array([self.pieces[number].start + self.pieces[number].length * share
+                         for number, share in self._changes(component)])
 
     def peaks(self) -> Real:
         """The largest |q| of each coordinate, shape (n,)."""
         dofs = len(self.end) // 2
-        ends = np.append(self._starts, self.duration)
-        return np.array([
-            np.abs(self.sample(np.concatenate([ends, self.zeros(dofs + dof)]))[dof]).max()
-            for dof in range(dofs)])
+        peaks = self.largest()[:dofs]
+        for dof in range(dofs):
+            turns = self._changes(dofs + dof)
+            inside = values_at(self._terms, np.array([number for number, _ in turns], np.int64),
+                               np.array([share for _, share in turns], np.float64))
+            peaks[dof] = np.abs(inside[dof]).max(initial=peaks[dof])
+        return peaks
 
     def largest(self) -> Real:
         """The largest value of each component of the state where a step begins or ends, (2n,)."""
         return np.asarray(
-            np.abs([piece.series[0] for piece in self.pieces] + [self.end]).max(axis=0))
+            np.maximum(np.abs(self._series[:, 0]).max(axis=0), np.abs(self.end)))
 
     def magnitude(self) -> Real:
         """The same, but 1 for components that are zero throughout: a divisor, shape (2n,)."""

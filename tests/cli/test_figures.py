@@ -49,6 +49,10 @@ def test_figures_leave_picture_cycles_and_table(one_case, tmp_path, capsys):
         assert float(row["ms_per_velocity"]) > 0.0
         assert row["method"] in printed
     assert float(reference["times_faster"]) == 1.0
+    worst = float(four["worst_amplitude_percent"])
+    assert ("harmonic balance, 4 harmonics, swivel amplitude at 3 points: median "
+            f"{float(four['median_amplitude_percent']):.3f} %, worst {worst:.3f} % (C_d 50, "
+            f"T_CF 10, {float(four['worst_at_m_per_s']):g} m/s)") in printed
     assert "figures_3_to_6.png" in printed
     cycles = read(tmp_path / "out" / "figures_3_to_6.csv")
     for method in (row["method"] for row in table):

@@ -123,3 +123,23 @@ def test_a_map_has_cycles_inside_its_folds_alone(long_steps):
                 limit = np.interp(speed, np.array(velocity)[ascending],
                                   np.array(friction)[ascending])
                 assert found[row][column] == (torque < limit)
+
+
+def test_a_curve_ends_in_a_cusp_where_it_meets_another():
+    """At 7 m/s there are three folds in the friction; the two with least meet near 7.3 m/s."""
+    start = point_at(7.26, torque=9.0)
+    fold, orbit, (beside, stable) = fold_along(FRICTION, start, 14.0, Settings())
+    window = Window(start, FRICTION, Axis(VELOCITY), (6.0, 7.25), (20.0, 7.4))
+    folds = list(fold_curve(window, FoldPoint(fold, 7.26, orbit), (beside, 7.26), stable,
+                            Settings()))
+    last = max(folds, key=lambda item: item.second)
+    assert last.second == pytest.approx(7.293, abs=2e-3)
+    assert last.first == pytest.approx(12.3, abs=0.1)
+    first = min(folds, key=lambda item: item.second)
+    assert first.second < 7.25
+    # Beyond it the branch passes without a fold.
+    beyond = point_at(last.second + 0.01, torque=9.0)
+    line = Line(family_between(beyond, FRICTION.at(beyond, 16.0)))
+    points = list(follow(line, growing_cycle(beyond, Settings()), 0.0, 1, Settings()))
+    assert points[-1].position == 1.0
+    assert not any(point.is_fold for point in points)

@@ -67,3 +67,15 @@ def test_leaving_a_bound_on_which_it_starts():
         0.5 - np.sqrt(0.15), abs=1e-12)
     assert first_exit(Cubic(0.0, 1.0, -1.0, -1.0), 0.0, np.inf) == pytest.approx(
         1.0 - np.sqrt(0.5), abs=1e-12)
+
+
+@given(CUBICS, st.floats(-2.0, 2.0))
+def test_a_crossing_lies_on_the_level(cubic, level):
+    cubic = cubic._replace(start=min(cubic.start, level - 0.1), end=max(cubic.end, level + 0.1))
+    assert cubic.value(cubic.crossing(level)) == pytest.approx(level, abs=1e-9)
+
+
+@pytest.mark.parametrize(("start", "end", "expected"), [
+    (-1.0, 0.0, 1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
+def test_an_end_on_the_level_is_the_crossing(start, end, expected):
+    assert Cubic(start, end - start, end, end - start).crossing(0.0) == expected

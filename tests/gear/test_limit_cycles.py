@@ -13,7 +13,7 @@ from shimmy_ros.gear.matrices import SWIVEL
 from shimmy_ros.gear.one_harmonic import fold_torques, one_harmonic_cycles
 from shimmy_ros.gear.orbits import BALANCE, SHOOTING
 from shimmy_ros.gear.parameter_file import reference_parameters
-from shimmy_ros.gear.parameters import changed
+from shimmy_ros.gear.parameters import Damper, Gear, changed
 from shimmy_ros.gear.system import OperatingPoint, gear_system
 from shimmy_ros.shooting.flow import advance
 from shimmy_ros.shooting.modes import model_of
@@ -148,3 +148,18 @@ def test_one_harmonic_folds_where_its_cycles_meet():
     assert low[1].swivel / low[0].swivel < 1.2
     assert fold_torques(at(40.0, 20.0, 5.0)) == pytest.approx([fold / 2.0], rel=1e-9)
     assert fold_torques(at(4.0, 10.0, 0.0)) == []
+
+
+def test_a_cycle_in_another_mode_than_with_less_friction_is_found_with_its_trigger():
+    """Where friction holds the swivel, strut and tyre have a mode of shimmy of their own."""
+    gear = Gear(
+        strut_inertia=71.6, wheel_mass=23.35, trunnion_to_axle=0.9154, trail=0.0907,
+        swivel_inertia=0.8634, wheel_polar_inertia=0.6583, wheel_radius=0.3457,
+        damper_inertia=0.00443, strut_tilt_stiffness=463500.0, damper_linkage_stiffness=61540.0,
+        strut_rake=0.1148, tyre_lateral_stiffness=285500.0, tyre_torsional_stiffness=2984.0,
+        rolling_alpha=28.75, rolling_beta=11.21, rolling_gamma=0.862)
+    cycles = all_cycles(OperatingPoint(gear, Damper(2.345, 43.87, 10.0), 66.6))
+    assert [cycle.role for cycle in cycles] == [Role.TRIGGER, Role.STABLE, Role.UNSTABLE]
+    assert [cycle.orbit.frequency_hz for cycle in cycles[:2]] == pytest.approx(
+        [12.46, 14.40], abs=0.01)
+    assert cycles[0].orbit.sticks

@@ -38,6 +38,16 @@ def test_more_samples_locate_crossings_and_peaks_with_the_order_of_the_cubic():
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) > 3.0).all()
 
 
+@pytest.mark.parametrize("with_rate", [True, False])
+def test_a_zero_on_a_sample_is_where_it_is(with_rate):
+    time = np.arange(9) / 4.0
+    position = np.tile([-1.0, 0.0, 1.0, 0.0], 3)[:9]
+    rate = 0.5 * np.pi * 4.0 * np.tile([0.0, 1.0, 0.0, -1.0], 3)[:9]
+    cycles = measure_cycles(time, position, rate if with_rate else None)
+    np.testing.assert_array_equal(cycles.start, [0.25])
+    np.testing.assert_array_equal(cycles.end, [1.25])
+
+
 def test_a_growing_oscillation_is_measured_cycle_by_cycle():
     time = np.arange(1000) * 0.002
     growth = np.exp(1.5 * time)
