@@ -4,7 +4,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from mcap_ros2.reader import read_ros2_messages
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 TOPICS = {
@@ -34,8 +35,10 @@ def read_with_mcap_ros2(bag):
     """The same from the MCAP files alone, without metadata.yaml."""
     counts = Counter()
     for file in sorted(bag.glob("*.mcap")):
-        for message in read_ros2_messages(file):
-            counts[message.channel.topic, message.schema.name] += 1
+        with file.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            for schema, channel, _, _ in reader.iter_decoded_messages():
+                counts[channel.topic, schema.name] += 1
     return counts
 
 

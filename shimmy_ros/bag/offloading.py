@@ -1,4 +1,4 @@
-"""A bag written by a process of its own, so that compression takes another core.
+"""A bag written by a process of its own, so that encoding and compression take another core.
 
 Run as a module, this is that process: it reads pickled batches of calls from stdin and answers with
 what went wrong, if anything, on stdout.
@@ -11,10 +11,11 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ..contract.records import MessageError
 from ..contract.spec import Topic
 from .errors import BagError
 from .message import Channel
@@ -25,6 +26,8 @@ _BATCH_BYTES = 1 << 20
 _OFFLOADED_BYTES = 8 << 20
 # What a message takes in a batch besides its data.
 _MESSAGE_BYTES = 64
+# What messages take that are yet to be made.
+_UNMADE_BYTES = 4096
 _END = "end"
 
 Call = tuple[str, tuple[Any, ...]]
@@ -68,12 +71,19 @@ class OffloadedWriter:
         """As BagWriter.write. Raises BagError and OSError."""
         self._calls.append(
             ("write", (self._numbers[name], data, log_time_ns, publish_time_ns, sequence)))
-        self._waiting_bytes += len(data) + _MESSAGE_BYTES
-        if self._waiting_bytes > (_OFFLOADED_BYTES if self._process is None else _BATCH_BYTES):
-            self._send()
+        self._wait_for(len(data) + _MESSAGE_BYTES)
+
+    def write_made(self, make: Callable[..., Iterable[tuple[str, bytes]]],
+                   arguments: tuple[Any, ...], log_time_ns: int) -> None:
+        """Write what ``make(*arguments)``, called where the bag is written, gives: topics and data.
+
+        ``make`` is a function of a module. Raises BagError and OSError, and MessageError from it.
+        """
+        self._calls.append(("write_made", (make, arguments, log_time_ns)))
+        self._wait_for(_UNMADE_BYTES)
 
     def close(self) -> None:
-        """Complete the bag. Raises BagError and OSError."""
+        """Complete the bag. Raises BagError, MessageError and OSError."""
         self._calls.append((_END, ()))
         if self._process is None:
             with _writer(*self._begin) as bag:
@@ -88,6 +98,11 @@ class OffloadedWriter:
             self._process.kill()
             self._process.communicate()
             self._process = None
+
+    def _wait_for(self, size: int) -> None:
+        self._waiting_bytes += size
+        if self._waiting_bytes > (_OFFLOADED_BYTES if self._process is None else _BATCH_BYTES):
+            self._send()
 
     def _send(self) -> None:
         if self._process is None:
@@ -129,6 +144,10 @@ def _carry_out(calls: list[Call], bag: BagWriter, names: list[str | Channel]) ->
         if method == "write":
             number, *rest = arguments
             bag.write(names[number], *rest)
+        elif method == "write_made":
+            make, made_from, log_time_ns = arguments
+            for name, data in make(*made_from):
+                bag.write(name, data, log_time_ns)
         elif method == "add_metadata":
             bag.add_metadata(*arguments)
         elif method == _END:
@@ -160,7 +179,7 @@ def main() -> int:
             pass
     except EOFError:
         return 1  # Whoever wanted the bag is gone.
-    except (BagError, OSError) as found:
+    except (BagError, MessageError, OSError) as found:
         error = found
     pickle.dump(error, sys.stdout.buffer)
     return 0

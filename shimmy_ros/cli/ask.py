@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(answer, allow_nan=False))
     else:
-        print("\n\n".join(tables(answer["points"])))
+        print("\n\n".join(tables(answer)))
     if answer["state"] != "complete":
         print(f"shimmy: {answer['state'].replace('_', ' ')}: {answer.get('message', '')}",
               file=sys.stderr)

@@ -5,25 +5,21 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 from ..bag.errors import BagError
 from ..gear.parameters import ParameterError
-from . import ask, demo, figures, map, predict, replay, salvage, sweep
-from .progress import INTERRUPTED
+from .progress import INTERRUPTED, signals_held
 
+COMMANDS = ("predict", "ask", "sweep", "map", "figures", "replay", "salvage", "demo")
 FAILED = 1
 BAD_INPUT = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 with an answer, 1 for a failure, 2 on bad input, 130 when interrupted."""
-    parser = argparse.ArgumentParser(
-        prog="shimmy", description="Limit cycles of landing-gear shimmy.")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (predict, ask, sweep, map, figures, replay, salvage, demo):
-        module.add_command(commands)
-    options = parser.parse_args(arguments)
     try:
+        options = _parsed(sys.argv[1:] if arguments is None else arguments)
         return int(options.run(options))
     except (ParameterError, BagError) as error:
         print(f"shimmy: {error}", file=sys.stderr)
@@ -33,6 +29,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="shimmy", description="Limit cycles of landing-gear shimmy.")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    # What the others import takes time and memory that this one need not wait for.
+    for name in arguments[:1] if arguments and arguments[0] in COMMANDS else COMMANDS:
+        with signals_held():
+            module = import_module(f".{name}", __package__)
+        module.add_command(commands)
+    return parser.parse_args(arguments)
 
 
 if __name__ == "__main__":

@@ -91,9 +91,9 @@ def run(options: argparse.Namespace) -> int:
             comparison = MotionComparison(
                 stack.enter_context(table.open("w", encoding="utf-8")), inputs, topic, read_motion)
         for step in until_stopped(replay, stop, "replaying", lambda: replay.messages.fraction):
-            records = writer.write(step)
+            writer.write(step)
             if comparison is not None:
-                comparison.take(step.message, session, records)
+                comparison.take(step.message, session, writer.records(step))
         if not replay.samples and not stop.requested:
             raise BagError(f"the bag has no message on topic {inputs.velocity}")
         found = "" if comparison is None else comparison.finish(
@@ -137,7 +137,8 @@ def _report(replay: Replay, writer: AnswerWriter, out: Path, found: str) -> None
     notes += [f"refused {count} messages on {topic}, the first because {replay.complaints[topic]}"
               for topic, count in replay.refused.items()]
     if replay.jump:
-        notes.append(f"{replay.jump} (the first of {session.jumps} such jumps)")
+        others = f" (the first of {session.jumps} such jumps)" if session.jumps > 1 else ""
+        notes.append(replay.jump + others)
     if session.unstamped:
         notes.append(f"{UNSTAMPED} ({session.unstamped} of them)")
     for note in notes:

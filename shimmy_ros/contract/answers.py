@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..gear.prediction import NOT_ROLLING, Prediction
-from ..ihb.harmonics import Complex, Real, orders, to_complex
+from ..ihb.harmonics import Real, orders
 from ..ihb.solution import LimitCycle, Outcome
 from .records import JOINTS, Level, LimitCycleAmplitude, LimitCycleOrbit, Status
 
@@ -50,21 +50,24 @@ def _orbit(cycle: LimitCycle | None, stamp_ns: int) -> LimitCycleOrbit:
     if cycle is None:
         none = np.zeros((0, len(JOINTS)))
         return LimitCycleOrbit(stamp_ns, np.zeros(0, dtype=np.int64), none, none)
-    shares, waves = _sampling(cycle.harmonics)
-    x = to_complex(cycle.coefficients)
-    positions = (x @ waves).real
-    velocities = ((1j * cycle.frequency * orders(cycle.harmonics) * x) @ waves).real
+    shares, waves, slopes = _sampling(cycle.harmonics)
+    coefficients = cycle.coefficients.T
     times_ns = np.rint(1e9 * cycle.period * shares).astype(np.int64)
-    return LimitCycleOrbit(stamp_ns, times_ns, positions.T, velocities.T)
+    return LimitCycleOrbit(stamp_ns, times_ns, waves @ coefficients,
+                           cycle.frequency * (slopes @ coefficients))
 
 
 @lru_cache(maxsize=8)
-def _sampling(harmonics: int) -> tuple[Real, Complex]:
-    """Shares of the period at which an orbit is sampled, and e^{i(2k-1) tau} there."""
+def _sampling(harmonics: int) -> tuple[Real, Real, Real]:
+    """Shares of the period at which an orbit is sampled, shape (m,); what gives its positions
+    there from the coefficients, and its derivatives by tau, both of shape (m, 2N)."""
     shares = np.linspace(0.0, 1.0, ORBIT_INTERVALS + 1)
-    waves = np.exp(2j * np.pi * np.multiply.outer(orders(harmonics), shares))
-    waves[:, -1] = waves[:, 0]
-    return shares, waves
+    order = orders(harmonics)
+    angles = 2.0 * np.pi * np.multiply.outer(shares, order)
+    angles[-1] = angles[0]
+    cosines, sines = np.cos(angles), np.sin(angles)
+    return (shares, np.concatenate([cosines, sines], axis=1),
+            np.concatenate([-order * sines, order * cosines], axis=1))
 
 
 def _status(prediction: Prediction, stamp_ns: int, hardware_id: str, solve_time_s: float

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .records import (
     JOINTS,
@@ -98,6 +99,14 @@ def _orbit_layout() -> _Layout:
     return _layout(new(JOINT_TRAJECTORY, _header(), list(JOINTS), []), "I")
 
 
+@lru_cache(maxsize=8)
+def _points(count: int) -> NDArray[np.void]:
+    """Points of an orbit, without their numbers."""
+    points = np.zeros(count, _POINT)
+    points["positions_length"] = points["velocities_length"] = _COUNT
+    return points
+
+
 @lru_cache(maxsize=1)
 def _status_layout() -> _Layout:
     return _layout(new(DIAGNOSTIC_ARRAY, _header(), []), "I")
@@ -113,12 +122,10 @@ def encode_number(value: float) -> bytes:
 
 def encode_text(text: str) -> bytes:
     """The std_msgs/String that holds ``text``. Raises MessageError for what is no Unicode."""
-    out = bytearray(ENCAPSULATION)
     try:
-        _append_string(out, text)
+        return ENCAPSULATION + _string(text)
     except UnicodeEncodeError as error:
         raise MessageError(f"a text cannot be sent: {error}") from error
-    return bytes(out)
 
 
 def encode_taxi_velocity(record: TaxiVelocity) -> bytes:
@@ -146,8 +153,7 @@ def encode_orbit(record: LimitCycleOrbit) -> bytes:
     if len(outside):
         raise MessageError(f"a time of the orbit is {outside[0]} ns, but must be in "
                            f"[0, {_LONGEST_NS}) ns")
-    points = np.zeros(len(times), _POINT)
-    points["positions_length"] = points["velocities_length"] = _COUNT
+    points = _points(len(times)).copy()
     points["positions"] = record.positions
     points["velocities"] = record.velocities
     points["sec"], points["nanosec"] = np.divmod(times, 10**9)
@@ -168,20 +174,25 @@ def encode_statuses(records: Sequence[Status]) -> bytes:
         for record in records:
             out.append(record.level)
             for text in (record.name, record.message, record.hardware_id):
-                _append_string(out, text)
+                _append_aligned(out, _short_string(text))
             _append_aligned(out, _LENGTH.pack(len(record.values)))
             for key, value in record.values.items():
-                _append_string(out, key)
-                _append_string(out, value)
+                _append_aligned(out, _short_string(key))
+                _append_aligned(out, _short_string(value))
     except UnicodeEncodeError as error:
         raise MessageError(f"a status holds text that cannot be sent: {error}") from error
     return bytes(out)
 
 
-def _append_string(out: bytearray, text: str) -> None:
-    data = text.encode()
-    out += _PADDING[-len(out) % 4] + _LENGTH.pack(len(data) + 1) + data + b"\0"
-
-
 def _append_aligned(out: bytearray, data: bytes) -> None:
-    out += _PADDING[-len(out) % 4] + data
+    out += _PADDING[-len(out) % 4]
+    out += data
+
+
+def _string(text: str) -> bytes:
+    data = text.encode()
+    return b"".join((_LENGTH.pack(len(data) + 1), data, b"\0"))
+
+
+# Most texts of a status are those of the one before.
+_short_string = lru_cache(maxsize=64)(_string)

@@ -82,6 +82,7 @@ class MotionComparison:
     """Writes the measured cycles of a motion beside the answers that were in force then.
 
     Times are in s from the first message, by log time; within the motion they follow its stamps.
+    Where log times jump back, as in a bag of bags, time goes on from there.
     ``refused`` counts the messages of the motion that could not be used.
     """
 
@@ -95,7 +96,9 @@ class MotionComparison:
         self._topic = topic
         self._read = read
         self._matcher = Matcher()
+        # The log time that counts as zero, that of the last message, and the motion's last stamp.
         self._begin_ns: int | None = None
+        self._log_ns = 0
         self._offset_ns = 0
         self._last_ns: int | None = None
         self._in_force = (math.nan, math.nan, math.nan)
@@ -108,6 +111,10 @@ class MotionComparison:
         """Take a message, and the answer's records where it was answered."""
         if self._begin_ns is None:
             self._begin_ns = message.log_time_ns
+        elif message.log_time_ns < self._log_ns:
+            self._begin_ns -= self._log_ns - message.log_time_ns
+            self._last_ns = None
+        self._log_ns = message.log_time_ns
         if records is not None:
             self._answered(message, session, records)
         elif message.topic == self._topic:

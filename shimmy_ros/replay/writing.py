@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from ..bag.copying import copy_message
 from ..bag.offloading import OffloadedWriter
@@ -11,6 +11,7 @@ from ..contract.answers import ANSWER_TOPICS, Record, answer
 from ..contract.messages import CODECS
 from ..contract.session import Session
 from ..contract.spec import load_contract
+from ..gear.prediction import Prediction
 from .replay import Inputs, Step
 
 
@@ -34,16 +35,29 @@ class AnswerWriter:
         self._names = {name: bag.add_topic(contract.topic(name), inputs.namespace)
                        for name in ANSWER_TOPICS}
 
-    def write(self, step: Step) -> Mapping[str, Record] | None:
-        """Write a step and return the records of its answer, if it has one. Raises OSError."""
+    def write(self, step: Step) -> None:
+        """Write a step, and its answer if it has one. Raises OSError."""
         message, prediction = step
         if self._with_input and message.topic not in self._older:
             copy_message(message, self._bag)
         sample = self._session.sample
-        if prediction is None or sample is None:
+        if prediction is not None and sample is not None:
+            self.outcomes[prediction.outcome] += 1
+            # A prediction is a few numbers, but its messages take as long as the prediction.
+            self._bag.write_made(
+                _messages, (self._names, prediction, sample.stamp_ns, self._hardware_id),
+                message.log_time_ns)
+
+    def records(self, step: Step) -> Mapping[str, Record] | None:
+        """The records of a step's answer, if it has one."""
+        sample = self._session.sample
+        if step.prediction is None or sample is None:
             return None
-        self.outcomes[prediction.outcome] += 1
-        records = answer(prediction, sample.stamp_ns, self._hardware_id)
-        for name, record in records.items():
-            self._bag.write(self._names[name], CODECS[name].encode(record), message.log_time_ns)
-        return records
+        return answer(step.prediction, sample.stamp_ns, self._hardware_id)
+
+
+def _messages(names: Mapping[str, str], prediction: Prediction, stamp_ns: int, hardware_id: str
+              ) -> Iterator[tuple[str, bytes]]:
+    """The messages of an answer, on the topics that have these ``names`` in the bag."""
+    for name, record in answer(prediction, stamp_ns, hardware_id).items():
+        yield names[name], CODECS[name].encode(record)

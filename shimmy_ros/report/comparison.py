@@ -32,16 +32,24 @@ class Comparison:
 
 
 def compare(recording: Recording) -> Comparison:
-    """Measure the swivel's cycles and look up what was predicted for them."""
+    """Measure the swivel's cycles and look up what was predicted for them.
+
+    No cycle reaches over a place where the time of the motion jumps back or stands.
+    """
     time, position, rate = recording.response
     swivel = load_contract().joints.index("swivel")
-    cycles = measure_cycles(time, position[:, swivel], rate[:, swivel],
-                            smallest=SMALLEST_SWIVEL_RAD)
-    middle = 0.5 * (cycles.start + cycles.end)
-    answered, amplitude, frequency = recording.predictions
+    jumps = np.flatnonzero(np.diff(time) <= 0.0) + 1
+    pieces = [
+        measure_cycles(*piece, smallest=SMALLEST_SWIVEL_RAD) for piece in zip(
+            *(np.split(values, jumps) for values in (time, position[:, swivel], rate[:, swivel])),
+            strict=True)]
+    middle, measured, frequency = (np.concatenate(values) for values in zip(
+        *((0.5 * (cycles.start + cycles.end), cycles.amplitude, cycles.frequency)
+          for cycles in pieces), strict=True))
+    answered, predicted, predicted_frequency = recording.predictions
     return Comparison(
-        middle, _held(middle, *recording.velocity), cycles.amplitude, cycles.frequency,
-        _held(middle, answered, amplitude), _held(middle, answered, frequency))
+        middle, _held(middle, *recording.velocity), measured, frequency,
+        _held(middle, answered, predicted), _held(middle, answered, predicted_frequency))
 
 
 def summary(comparison: Comparison, recording: Recording) -> str:

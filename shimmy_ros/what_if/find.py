@@ -26,6 +26,8 @@ from .reply import Json
 from .scan import Sample, Scan
 
 FOUND, EVERYWHERE, NOWHERE, EXCEEDED_NOW = "found", "everywhere", "nowhere", "exceeded_now"
+# The limit may be exceeded further inside the range.
+AT_RANGE_END = "at_range_end"
 
 _ROUNDS = 30
 _LITTLE_PROGRESS = 0.02
@@ -49,7 +51,7 @@ def find(wanted: Find, point: OperatingPoint, settings: Settings) -> Generator[N
         if found is None:
             return _answer(wanted, point, NOWHERE, None)
         if found is True:
-            return _answer(wanted, point, EVERYWHERE, wanted.begin)
+            return _answer(wanted, point, AT_RANGE_END, wanted.begin)
         return _answer(wanted, point, FOUND, found)
     value = wanted.begin
     if (yield from search.exceeded(value)):

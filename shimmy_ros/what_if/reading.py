@@ -221,12 +221,12 @@ def _find_words(value: object) -> tuple[str, str]:
                              f"{', '.join(SENSES)}, below, amplitude and between")
     senses = [word for word in SENSES if word in value]
     if len(senses) != 1:
-        raise QueryError("find", f"find has {' and '.join(senses) or 'no sense'}, but must have "
-                         f"one of {', '.join(SENSES)}")
+        raise QueryError("find", f"find has {' and '.join(senses) or 'nothing to look for'}, but "
+                         f"must have one of {', '.join(SENSES)}")
     name = value[senses[0]]
     if not isinstance(name, str) or name not in PARAMETERS:
         raise QueryError(f"find.{senses[0]}", f"find.{senses[0]} is {brief(name)}, but must be a "
-                         f"parameter's name{_instead(name)}")
+                         f"parameter's name{_instead(name, ())}")
     return senses[0], name
 
 
@@ -252,16 +252,20 @@ def _find(content: Mapping[str, Any], wanted: tuple[str, str], query: Query,
     index = NAMES.index(coordinate)
     unit = "m" if coordinate == "tyre_lateral" else "rad"
     range_ = Range(unit, "amplitude", 0.0, LARGEST_AMPLITUDE)
-    below = _number("find.below", _in_radians(value["below"], unit), range_)
+    below = _limit(value["below"], range_)
     begin, end = _between(value, sense, name, query)
     return Find(sense, name, begin, end, index, below, interval)
 
 
-def _in_radians(value: object, unit: str) -> object:
-    """A number, or that of a text such as "2 deg"."""
-    if unit == "rad" and isinstance(value, str) and (match := _DEGREES.fullmatch(value)):
-        return math.radians(float(match[1]))
-    return value
+def _limit(value: object, range_: Range) -> float:
+    """A number, or that of a text such as "2 deg" for an angle."""
+    if range_.unit != "rad" or not isinstance(value, str):
+        return _number("find.below", value, range_)
+    match = _DEGREES.fullmatch(value)
+    if match is None:
+        raise QueryError("find.below", f"find.below is {brief(value)}, but must be a number in "
+                         f"{range_.describe()}, or an angle as in 2 deg")
+    return _number("find.below", math.radians(float(match[1])), range_)
 
 
 def _between(find: Mapping[str, Any], sense: str, name: str, query: Query
@@ -320,10 +324,12 @@ def _alone(content: Mapping[str, Any], name: str, allowed: tuple[str, ...]) -> N
             raise QueryError(str(other), f"{brief(other)} does not go together with {name}")
 
 
-def _instead(name: object) -> str:
-    """What could have been meant."""
+def _instead(name: object, words: tuple[str, ...] = _WORDS) -> str:
+    """What could have been meant: a parameter or one of ``words``."""
     if not isinstance(name, str):
         return ""
-    near = difflib.get_close_matches(name.rpartition(".")[2][:50], [*PARAMETERS, *_WORDS], 1)
-    return f"; did you mean {near[0]}?" if near else (
-        f"; a query has {', '.join(_WORDS)} and the parameters {', '.join(PARAMETERS)}")
+    near = difflib.get_close_matches(name.rpartition(".")[2][:50], [*PARAMETERS, *words], 1)
+    if near:
+        return f"; did you mean {near[0]}?"
+    others = f"a query has {', '.join(words)} and the parameters" if words else "there are"
+    return f"; {others} {', '.join(PARAMETERS)}"

@@ -6,15 +6,38 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from .query import PARAMETERS, SENSES, VELOCITY
 from .reply import Json
 
 Row = Mapping[str, str]
 
 
-def tables(points: Sequence[Json]) -> list[str]:
-    """One table for each kind of result that the points have, and what went wrong below it."""
+def tables(answer: Json) -> list[str]:
+    """One table for each kind of result that the points have, and what went wrong below it.
+
+    Above the values found is what was looked for, and where.
+    """
+    points = answer["points"]
     kinds = [name for name in _ROWS if any(name in point for point in points)]
-    return [_table(kind, [point for point in points if kind in point]) for kind in kinds]
+    found = [_table(kind, [point for point in points if kind in point]) for kind in kinds]
+    return [_wanted(answer["inputs"]), *found] if "find" in kinds else found
+
+
+def _wanted(inputs: Json) -> str:
+    """What a find looks for, as a sentence."""
+    find = inputs["find"]
+    sense = next(word for word in SENSES if word in find)
+    name, joint = find[sense], find["amplitude"]
+    low, high = find["between"]
+    limit = f"{find['below']:g} m" if joint == "tyre_lateral" else f"{_degrees(find['below'])} deg"
+    holds = (f"the {_words(joint)} stays below {limit}" if find["below"]
+             else "there is no limit cycle")
+    velocity = inputs.get(VELOCITY)
+    over = (f" at all taxi velocities from {velocity['from']:g} to {velocity['to']:g} m/s"
+            if isinstance(velocity, dict) and "points" not in velocity else "")
+    return (f"{_words(sense).capitalize()}{' of' * sense.startswith('largest_')} {_words(name)} "
+            f"for which {holds}{over}; looked for from {low:g} to {high:g} "
+            f"{PARAMETERS[name].unit}.")
 
 
 def _table(kind: str, points: Sequence[Json]) -> str:

@@ -42,7 +42,7 @@ def read_mapping(text: str) -> dict[str, Any]:
 
 def brief(value: object) -> str:
     """``value`` as a query would have it, in a few characters however large it is."""
-    return _BRIEF.repr(value)
+    return "null" if value is None else _BRIEF.repr(value)
 
 
 def _parsed(text: str) -> Any:

@@ -14,9 +14,11 @@ from shimmy_ros.bag import offloading
 from shimmy_ros.bag.errors import BagError
 from shimmy_ros.bag.message import Channel
 from shimmy_ros.bag.offloading import OffloadedWriter
-from shimmy_ros.bag.output import new_bag
+from shimmy_ros.bag.output import new_bag, new_place
 from shimmy_ros.bag.reader import read_messages
 from shimmy_ros.bag.writer import BagWriter
+from shimmy_ros.contract.encoding import encode_number
+from shimmy_ros.contract.records import MessageError
 from shimmy_ros.contract.spec import load_contract
 
 CHUNK = 10_000
@@ -54,6 +56,35 @@ def test_the_bag_is_the_same_to_the_byte(process, tmp_path):
     bag.close()
     assert files(tmp_path / "a" / "run") == files(tmp_path / "b" / "run")
     assert len(list(read_messages(tmp_path / "b" / "run"))) == 667
+
+
+def test_messages_may_be_made_where_the_bag_is_written(process, tmp_path):
+    topic = load_contract().topic("limit_cycle/frequency")
+    data = [b"\0\1\0\0" + bytes([index]) * 8 for index in range(200)]
+    with BagWriter(tmp_path / "a" / "run", chunk_seconds=None, chunk_bytes=CHUNK) as plain:
+        name = plain.add_topic(topic, "/shimmy")
+        for index in range(100):
+            for item in data[2 * index:2 * index + 2]:
+                plain.write(name, item, 1000 + index)
+    with new_place(tmp_path / "b" / "run") as place:
+        bag = OffloadedWriter(place, None, CHUNK)
+        name = bag.add_topic(topic, "/shimmy")
+        for index in range(100):
+            # zip() makes pairs of a name and data.
+            bag.write_made(zip, ((name, name), data[2 * index:2 * index + 2]), 1000 + index)
+        assert (bag._process is not None) == process
+        bag.close()
+    assert files(tmp_path / "a" / "run") == files(tmp_path / "b" / "run")
+
+
+def test_what_cannot_be_made_drops_the_bag(process, tmp_path):
+    def write_no_number():
+        with new_bag(tmp_path / "run") as bag:
+            bag.write_made(encode_number, ("x",), 1000)
+
+    with pytest.raises(MessageError, match="'x' cannot be sent as a number"):
+        write_no_number()
+    assert os.listdir(tmp_path) == []
 
 
 def test_what_bagwriter_refuses_is_refused(process, tmp_path):
@@ -108,6 +139,8 @@ LIMITED = """
 import sys
 from pathlib import Path
 from shimmy_ros.bag import offloading, output
+from shimmy_ros.contract.encoding import encode_number
+from shimmy_ros.contract.records import MessageError
 from shimmy_ros.contract.spec import load_contract
 
 offloading._OFFLOADED_BYTES = 0

@@ -85,11 +85,24 @@ def test_a_query_may_come_from_standard_input(run, monkeypatch):
 
 def test_a_value_is_found(run):
     status, out, _ = run("{taxi_velocity: 40, find: {smallest: quadratic_damping, below: 4 deg}}")
-    (row,) = rows(out)
+    wanted, table = out.split("\n\n")
+    assert wanted == ("Smallest quadratic damping for which the swivel stays below 4 deg; "
+                      "looked for from 0 to 1000 N m s^2/rad^2.")
+    (row,) = rows(table)
     assert (status, row["outcome"], row["decided by"], row["at [m/s]"]) == (
         0, "found", "amplitude", "40")
     assert float(row["swivel [deg]"]) == pytest.approx(4.0, rel=1e-5)
     assert float(row["change"]) == pytest.approx(float(row["value"]) - 10.0, rel=1e-5)
+
+
+def test_what_is_looked_for_is_said(run):
+    query = "{{taxi_velocity: {{from: 30, to: 40}}, find: {{{}}}}}"
+    _, out, _ = run(query.format("largest_loss: trail, amplitude: tyre_lateral, below: 1"))
+    assert out.startswith("Largest loss of trail for which the tyre lateral stays below 1 m at all "
+                          "taxi velocities from 30 to 40 m/s; looked for from 0.04 to 0.08 m.\n")
+    _, out, _ = run(query.format("smallest: linear_damping, below: 0, between: [500, 600]"))
+    assert out.startswith("Smallest linear damping for which there is no limit cycle at all taxi ")
+    assert "at range end" in out
 
 
 def test_cycles_triggers_and_margins_have_tables_of_their_own(run):

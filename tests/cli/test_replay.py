@@ -153,6 +153,12 @@ def test_time_that_jumps_back_is_said_once(replay):
     assert cold == [0, 3, 6]
 
 
+def test_a_single_jump_is_not_counted(replay):
+    write_bag(Path("in"), [velocity(100, 40.0, 1000), velocity(90, 41.0, 1001)])
+    _, _, complaints = replay("in", "-o", "out")
+    assert complaints == "shimmy: time jumped back by 10 s; the next answer starts cold\n"
+
+
 def test_a_stamp_of_zero_is_the_log_time(replay):
     write_bag(Path("in"), [velocity(0, 40.0, 1000), velocity(0, 41.0, 1001),
                            velocity(50, 42.0, 1002)])

@@ -63,7 +63,7 @@ def test_what_is_no_motion_is_refused():
         reader(channel=Channel("/rig/joints", "x/msg/Y"))
 
 
-def compare(samples, answers):
+def compare(samples, answers, in_order=True):
     """The rows for samples (log time [s], stamp [s], angle) and answers (log time, amplitude)."""
     stream = io.StringIO()
     comparison = MotionComparison(stream, INPUTS, CHANNEL.topic, lambda message: message.data)
@@ -72,7 +72,9 @@ def compare(samples, answers):
               for log, stamp, angle in samples]
     events += [(log, None, {"limit_cycle/amplitude": SimpleNamespace(position=(0.0, value)),
                             "limit_cycle/frequency": 10.0}) for log, value in answers]
-    for log, motion, records in sorted(events, key=lambda event: event[0]):
+    if in_order:
+        events.sort(key=lambda event: event[0])
+    for log, motion, records in events:
         topic = Channel("/rig/taxi_velocity", "") if motion is None else CHANNEL
         log_ns = round(log * SECOND)
         comparison.take(BagMessage(topic, log_ns, log_ns, motion), session, records)
@@ -113,6 +115,19 @@ def test_stamps_of_another_clock_and_a_loop(tmp_path):
     assert 1.0 < times[0] < 1.3
     assert 3.7 < times[-1] < 4.0
     assert len(times) == 2 * len([time for time in times if time < 2.5])
+
+
+@pytest.mark.parametrize("second_stamp", [7000.0, 7001.0])
+def test_log_times_that_begin_again_go_on(tmp_path, second_stamp):
+    """Stamps may begin again with them, or not."""
+    stream, comparison = compare(
+        [*shimmy(1.0, log=100.0, stamp=7000.0), *shimmy(1.0, log=100.0, stamp=second_stamp)], [],
+        in_order=False)
+    comparison.finish({}, "title", tmp_path / "picture.png")
+    times = [float(row["time_s"]) for row in csv.DictReader(io.StringIO(stream.getvalue()))]
+    assert times == sorted(times)
+    assert len(times) == pytest.approx(18, abs=1)
+    assert 1.8 < times[-1] < 2.0
 
 
 def test_messages_that_do_not_fit_are_counted():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,26 @@ def test_before_the_first_answer_there_is_no_prediction(made_up, tmp_path):
     assert before.any()
     assert np.isnan(found.predicted_amplitude[before]).all()
     assert (found.predicted_amplitude[~before] == 0.1).all()
+
+
+def test_a_motion_whose_time_jumps_back_or_stands(made_up, tmp_path):
+    run = made_up.Run()
+    run.velocity(0.0, 40.0)
+    run.answer(0.001, 0.1, 10.0)
+    run.swivel(np.arange(0.0, 2.0, 0.002), 0.1, 10.0)
+    recording = read_recording(run.write(tmp_path / "bag"), made_up.namespace)
+    time, position, rate = recording.response
+    whole = compare(recording)
+    order = np.r_[500:1000, 0:600, 599, 600:700]
+    jumping = replace(recording, response=(time[order], position[order], rate[order]))
+    found = compare(jumping)
+    assert found.time.size == pytest.approx(9 + 11 + 1, abs=2)
+    np.testing.assert_allclose(found.frequency, 10.0, rtol=1e-4)
+    np.testing.assert_allclose(found.amplitude, 0.1, rtol=1e-4)
+    np.testing.assert_array_equal(found.predicted_amplitude, 0.1)
+    # Those before the jump, then those behind it.
+    assert (np.diff(found.time) < 0.0).sum() == 1
+    assert np.isin(found.time.round(4), whole.time.round(4)).all()
 
 
 def test_a_run_without_shimmy(made_up, tmp_path):

@@ -123,13 +123,18 @@ def test_without_quadratic_damping_growth_has_no_bound_and_meets_no_limit(find):
     assert found["decided_by"]["cycle"]["amplitude"]["swivel"] == pytest.approx(50.0, rel=1e-8)
 
 
-def test_a_limit_may_hold_everywhere_or_nowhere(find):
-    everywhere = find({"smallest": "quadratic_damping", "below": 0.5, "between": [5, 20]})
-    assert (everywhere["outcome"], everywhere["value"]) == ("everywhere", 5.0)
+def test_a_limit_may_hold_at_the_end_of_the_range_or_nowhere(find, swivel):
+    smallest = find({"smallest": "quadratic_damping", "below": 0.5, "between": [5, 20]})
+    assert (smallest["outcome"], smallest["value"]) == ("at_range_end", 5.0)
     nowhere = find({"smallest": "quadratic_damping", "below": 0.01, "between": [5, 20]})
     assert (nowhere["outcome"], nowhere["value"]) == ("nowhere", None)
     largest = find({"largest": "quadratic_damping", "below": 0.5, "between": [5, 20]})
-    assert (largest["outcome"], largest["value"]) == ("everywhere", 20.0)
+    assert (largest["outcome"], largest["value"]) == ("at_range_end", 20.0)
+    # That is no word about what lies between.
+    limit = math.radians(8.0)
+    fastest = find({"largest": "taxi_velocity", "below": limit, "between": [10, 100]})
+    assert (fastest["outcome"], fastest["value"]) == ("at_range_end", 100.0)
+    assert swivel([100.0])[0] < limit < swivel([20.0])[0]
 
 
 def test_smallest_and_largest_are_the_first_from_their_side(find):

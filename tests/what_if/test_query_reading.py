@@ -143,7 +143,7 @@ def test_the_number_of_points_is_bounded():
     ({"taxi_velocity": 10**400}, "taxi_velocity", "is inf"),
     ({"taxi_velocity": "40"}, "taxi_velocity", "is '40', but must be a number in [0, 200] m/s, a"),
     ({"taxi_velocity": True}, "taxi_velocity", "is True"),
-    ({"taxi_velocity": None}, "taxi_velocity", "is None"),
+    ({"taxi_velocity": None}, "taxi_velocity", "is null"),
     ({"coulomb_torque": [1, "x"]}, "coulomb_torque[1]", "is 'x', but must be a number in"),
     ({"coulomb_torque": [1, [2]]}, "coulomb_torque[1]", "is [2]"),
     ({"coulomb_torque": []}, "coulomb_torque", "has 0 values"),
@@ -221,7 +221,10 @@ GOOD = {"smallest": "coulomb_torque", "below": 0.05}
 
 
 @pytest.mark.parametrize(("content", "where", "words"), [
-    ({"find": 3}, "find", "must be a mapping"), ({"find": {}}, "find", "has no sense"),
+    ({"find": {"smallest": "speed", "below": 1}}, "find.smallest", "there are taxi_velocity"),
+    ({"find": {"smallest": "trial", "below": 1}}, "find.smallest", "did you mean trail?"),
+    ({"find": {"smallest": "trail", "below": "2 degrees"}}, "find.below", "or an angle as"),
+    ({"find": 3}, "find", "must be a mapping"), ({"find": {}}, "find", "has nothing to look for"),
     ({"find": {"below": 1}}, "find", "smallest, largest, largest_loss, largest_rise"),
     ({"find": {**GOOD, "largest": "trail"}}, "find", "has smallest and largest"),
     ({"find": {"smallest": "torque", "below": 1}}, "find.smallest", "did you mean coulomb_torque?"),
