@@ -16,6 +16,7 @@ from ..what_if.query import Present
 from ..what_if.reply import DEFAULT_MAXIMUM_POINTS, REFUSED, Json
 from ..what_if.tables import tables
 from .options import Commands, add_gear_options, add_harmonics_option, gear_and_damper
+from .progress import stoppable
 
 DEFAULT_NAMESPACE = "/shimmy"
 
@@ -107,4 +108,8 @@ def _from_node(text: str, namespace: str) -> Iterator[Json]:
         raise ParameterError(
             "--node needs ROS 2 Jazzy's rclpy, from a sourced ROS or, in the source tree, by "
             f"pip install '.[ros]' ({error})") from error
-    return ask_node(text, namespace)
+    # A KeyboardInterrupt amid the exchange of messages could get lost, or the cancellation with it.
+    with stoppable() as stop:
+        yield from ask_node(text, namespace, lambda: not stop.requested)
+        if stop.requested:
+            raise KeyboardInterrupt

@@ -6,7 +6,7 @@ import json
 import time
 import uuid
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import rclpy
@@ -26,10 +26,10 @@ _JOIN_TIMEOUT_S = 10.0
 _FAREWELL_S = 5.0
 
 
-def ask_node(text: str, namespace: str) -> Iterator[Json]:
-    """The parts of the answer to a query; a query without an id gets one.
+def ask_node(text: str, namespace: str, go_on: Callable[[], bool]) -> Iterator[Json]:
+    """The parts of the answer to a query, while ``go_on``; a query without an id gets one.
 
-    A caller that stops early cancels the query. Raises ConnectionError where no predictor
+    One that is stopped early is cancelled. Raises ConnectionError where no predictor
     answers in ``namespace``.
     """
     try:
@@ -41,7 +41,7 @@ def ask_node(text: str, namespace: str) -> Iterator[Json]:
         return
     asker = _Asker(namespace)
     try:
-        yield from asker.ask({**content, "id": name})
+        yield from asker.ask({**content, "id": name}, go_on)
     finally:
         asker.close()
 
@@ -70,14 +70,16 @@ class _Asker:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def ask(self, content: Json) -> Iterator[Json]:
-        """Send the query and wait for all of its answer."""
-        self._join()
+    def ask(self, content: Json, go_on: Callable[[], bool]) -> Iterator[Json]:
+        """Send the query and wait for all of its answer, while ``go_on``."""
+        self._join(go_on)
+        if not go_on():
+            return
         name = content["id"]
         final = False
         try:
             self._send(content)
-            while not final:
+            while not final and go_on():
                 self._executor.spin_once(timeout_sec=0.1)
                 if not self._publisher.get_subscription_count():
                     raise ConnectionError(f"nobody listens to {self._topic} any more")
@@ -92,12 +94,12 @@ class _Asker:
                 # What is under way when its sender leaves may be lost.
                 self._publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
 
-    def _join(self) -> None:
+    def _join(self, go_on: Callable[[], bool]) -> None:
         until = time.monotonic() + _JOIN_TIMEOUT_S
         # Whoever records hears queries, too, but does not answer.
-        while not (self._publisher.get_subscription_count()
-                   and self._node.count_publishers(_ANSWER)
-                   and self._subscription.get_publisher_count()):
+        while go_on() and not (self._publisher.get_subscription_count()
+                               and self._node.count_publishers(_ANSWER)
+                               and self._subscription.get_publisher_count()):
             if time.monotonic() > until:
                 raise ConnectionError(f"no predictor listens to {self._topic}; is it running, and "
                                       "in this ROS_DOMAIN_ID and discovery range?")
