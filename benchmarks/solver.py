@@ -9,9 +9,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg.lapack import dgesv
 
-from shimmy_ros.gear.grid import GridPoints, predict_grid
+from shimmy_ros.cycles.grid import GridPoints, predict_grid
 from shimmy_ros.gear.parameter_file import reference_parameters
-from shimmy_ros.gear.simulation import Simulation
 from shimmy_ros.gear.system import OperatingPoint, family_between, gear_system
 from shimmy_ros.ihb.balance import recovered
 from shimmy_ros.ihb.continuation import branch
@@ -22,6 +21,7 @@ from shimmy_ros.ihb.stability import stability
 from shimmy_ros.ihb.system import System
 from shimmy_ros.shooting.continuation import continue_branch
 from shimmy_ros.shooting.periodic import limit_cycle
+from shimmy_ros.simulation.simulation import Simulation
 
 from .measuring import Spread, exponent, ratio, seconds_of, spread
 

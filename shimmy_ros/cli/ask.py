@@ -10,8 +10,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+from ..cycles.prediction import check_harmonics
 from ..gear.parameters import DEFAULT_MINIMUM_VELOCITY, MINIMUM_VELOCITY_RANGE, ParameterError
-from ..gear.prediction import check_harmonics
 from ..what_if.query import Present
 from ..what_if.reply import DEFAULT_MAXIMUM_POINTS, REFUSED, Json
 from ..what_if.tables import tables

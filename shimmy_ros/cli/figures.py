@@ -10,13 +10,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from ..cycles.branches import ContinuationError
+from ..cycles.diagram import DiagramPoint
+from ..cycles.method_comparison import MethodRun, triggers
+from ..cycles.prediction import Predictor
 from ..gear.axes import VELOCITY
-from ..gear.branches import ContinuationError
-from ..gear.diagram import DiagramPoint
-from ..gear.method_comparison import MethodRun, triggers
 from ..gear.parameter_file import REFERENCE_GEAR, load_parameters
 from ..gear.parameters import Damper, Gear, ParameterError
-from ..gear.prediction import Predictor
 from ..gear.system import OperatingPoint
 from ..report.branch_table import branch_row, write_csv
 from ..report.method_table import difference_row, method_name, summary_text, table_text

@@ -7,7 +7,7 @@ import sys
 
 from tqdm import tqdm
 
-from ..gear.amplitude_map import AmplitudeMap
+from ..cycles.amplitude_map import AmplitudeMap
 from ..gear.axes import VELOCITY, Axis
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint

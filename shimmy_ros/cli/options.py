@@ -8,11 +8,11 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+from ..cycles.branches import AUTO, BALANCE, DEFAULT_ACCURACY, METHODS, SHOOTING, Settings
+from ..cycles.prediction import DEFAULT_HARMONICS, check_harmonics
 from ..gear.axes import VELOCITY, Axis, axis_names
-from ..gear.branches import AUTO, BALANCE, DEFAULT_ACCURACY, METHODS, SHOOTING, Settings
 from ..gear.parameter_file import load_parameters, reference_parameters
 from ..gear.parameters import Damper, Gear, ParameterError, changed
-from ..gear.prediction import DEFAULT_HARMONICS, check_harmonics
 from ..gear.system import OperatingPoint
 
 DEFAULT_STEPS = 50

@@ -7,9 +7,9 @@ import json
 import math
 from typing import Any
 
+from ..cycles.prediction import NOT_ROLLING, Prediction, Predictor
 from ..gear.matrices import NAMES
 from ..gear.parameters import DEFAULT_MINIMUM_VELOCITY, ParameterError
-from ..gear.prediction import NOT_ROLLING, Prediction, Predictor
 from ..gear.system import OperatingPoint
 from .options import Commands, add_gear_options, add_harmonics_option, gear_and_damper
 

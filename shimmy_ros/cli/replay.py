@@ -13,8 +13,8 @@ from ..bag.output import check_new, new_bag, new_place
 from ..bag.reader import Bag
 from ..contract.session import REFERENCE_HARDWARE, UNSTAMPED, Session
 from ..contract.spec import load_contract
+from ..cycles.prediction import Predictor
 from ..gear.parameters import DEFAULT_MINIMUM_VELOCITY
-from ..gear.prediction import Predictor
 from ..replay.replay import DEFAULT_NAMESPACE, Inputs, Replay, find_inputs
 from ..replay.writing import AnswerWriter
 from .options import Commands, add_gear_options, add_harmonics_option, gear_and_damper

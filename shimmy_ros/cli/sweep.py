@@ -7,10 +7,10 @@ import sys
 
 from tqdm import tqdm
 
+from ..cycles.diagram import Diagram
+from ..cycles.sweep import sweep_points
 from ..gear.axes import VELOCITY, Axis
-from ..gear.diagram import Diagram
 from ..gear.parameters import ParameterError
-from ..gear.sweep import sweep_points
 from ..gear.system import OperatingPoint
 from ..report.branch_table import Row, branch_row, head_of, sweep_row, write_csv, write_json
 from .options import (

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..gear.prediction import NOT_ROLLING, Prediction
+from ..cycles.prediction import NOT_ROLLING, Prediction
 from ..ihb.harmonics import Real, orders
 from ..ihb.solution import LimitCycle, Outcome
 from .records import JOINTS, Level, LimitCycleAmplitude, LimitCycleOrbit, Status

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ..cycles.prediction import Prediction, Predictor
 from ..gear.parameters import VELOCITY_RANGE, Damper, Gear
-from ..gear.prediction import Prediction, Predictor
 from ..gear.system import OperatingPoint
 from .records import TaxiVelocity
 

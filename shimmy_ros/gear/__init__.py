@@ -1,0 +1,1 @@
+"""The landing gear: its parameters, its matrices, and the system that they make."""

@@ -11,15 +11,15 @@ from ..contract.answers import ANSWER_TOPICS, answer
 from ..contract.messages import CODECS
 from ..contract.records import Level, TaxiVelocity
 from ..contract.session import UNSTAMPED, Session
-from ..gear.parameter_file import reference_parameters
-from ..gear.parameters import Range
-from ..gear.prediction import (
+from ..cycles.prediction import (
     DEFAULT_HARMONICS,
     HARMONICS_RANGE,
     Prediction,
     Predictor,
     check_harmonics,
 )
+from ..gear.parameter_file import reference_parameters
+from ..gear.parameters import Range
 from ..gear.system import OperatingPoint
 from ..what_if.query import Present
 from ..what_if.reply import DEFAULT_MAXIMUM_POINTS

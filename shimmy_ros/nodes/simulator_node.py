@@ -13,8 +13,8 @@ from ..contract.messages import CODECS
 from ..contract.records import GearResponse, Level, TaxiVelocity
 from ..contract.spec import load_contract
 from ..gear.parameters import Range
-from ..gear.samples import Samples
-from ..gear.simulation import KICK_RANGE, Simulation, SimulationError
+from ..simulation.samples import Samples
+from ..simulation.simulation import KICK_RANGE, Simulation, SimulationError
 from .gear_node import GearNode
 from .interface import publisher, subscription
 from .parameters import declare_number, declare_setting

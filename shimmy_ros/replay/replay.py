@@ -14,8 +14,8 @@ from ..contract.messages import CODECS
 from ..contract.records import MessageError, TaxiVelocity
 from ..contract.session import Session
 from ..contract.spec import load_contract
+from ..cycles.prediction import Prediction
 from ..gear.parameters import ParameterError, changed
-from ..gear.prediction import Prediction
 from .fields import velocity_reader
 
 VELOCITY = "taxi_velocity"

@@ -11,7 +11,7 @@ from ..contract.answers import ANSWER_TOPICS, Record, answer
 from ..contract.messages import CODECS
 from ..contract.session import Session
 from ..contract.spec import load_contract
-from ..gear.prediction import Prediction
+from ..cycles.prediction import Prediction
 from .replay import Inputs, Step
 
 

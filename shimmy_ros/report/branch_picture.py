@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..gear.branches import BEYOND_GEAR
-from ..gear.diagram import DiagramPoint
+from ..cycles.branches import BEYOND_GEAR
+from ..cycles.diagram import DiagramPoint
 
 _LINES = {True: "-", False: "--", None: ":"}
 

@@ -10,10 +10,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from ..gear.diagram import DiagramPoint
-from ..gear.fold_curve import FoldPoint
-from ..gear.orbits import Orbit
-from ..gear.sweep import SweepPoint
+from ..cycles.diagram import DiagramPoint
+from ..cycles.fold_curve import FoldPoint
+from ..cycles.orbits import Orbit
+from ..cycles.sweep import SweepPoint
 from ..gear.system import OperatingPoint
 from ..ihb.solution import Outcome
 

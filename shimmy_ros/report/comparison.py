@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contract.spec import load_contract
-from ..gear.measurement import measure_cycles
+from ..simulation.measurement import measure_cycles
 from .recording import Array, Recording
 
 # A motion smaller than this is no shimmy that a rig would measure.

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from ..gear.amplitude_map import AmplitudeMap
+from ..cycles.amplitude_map import AmplitudeMap
 
 # Amplitudes that differ by more are coloured by their logarithm.
 _WIDE = 10.0

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..gear.measurement import Cycles, measure_cycles
+from ..simulation.measurement import Cycles, measure_cycles
 from .comparison import SMALLEST_SWIVEL_RAD, Comparison
 from .recording import Array
 

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..gear.branches import BEYOND_GEAR
-from ..gear.diagram import DiagramPoint
-from ..gear.method_comparison import MethodRun
+from ..cycles.branches import BEYOND_GEAR
+from ..cycles.diagram import DiagramPoint
+from ..cycles.method_comparison import MethodRun
 from ..gear.parameters import Damper
 from .branch_picture import draw_branches
 from .method_table import method_name

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..gear.method_comparison import MethodRun
+from ..cycles.method_comparison import MethodRun
 from ..gear.parameters import Damper
 from .branch_table import Row
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ..gear.limit_cycles import FoundCycle
+from ..cycles.limit_cycles import FoundCycle
+from ..cycles.orbits import Orbit
+from ..cycles.prediction import Prediction
+from ..cycles.trigger import Threshold, Trigger
 from ..gear.matrices import NAMES
-from ..gear.orbits import Orbit
-from ..gear.prediction import Prediction
-from ..gear.trigger import Threshold, Trigger
 from .reply import Json
 
 NOT_CONVERGED = "not_converged"

@@ -7,13 +7,13 @@ from collections.abc import Callable, Generator, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..gear.accuracy import solve_to_accuracy
-from ..gear.branches import DEFAULT_ACCURACY, Settings
-from ..gear.limit_cycles import FoundCycle, all_cycles
-from ..gear.orbits import BALANCE, SHOOTING, Orbit, shoot
-from ..gear.prediction import DEFAULT_HARMONICS, NOT_ROLLING, Predictor
+from ..cycles.accuracy import solve_to_accuracy
+from ..cycles.branches import DEFAULT_ACCURACY, Settings
+from ..cycles.limit_cycles import FoundCycle, all_cycles
+from ..cycles.orbits import BALANCE, SHOOTING, Orbit, shoot
+from ..cycles.prediction import DEFAULT_HARMONICS, NOT_ROLLING, Predictor
+from ..cycles.trigger import trigger
 from ..gear.system import OperatingPoint, gear_system
-from ..gear.trigger import trigger
 from ..ihb.accuracy import estimate_error
 from ..ihb.solution import LimitCycle, Outcome
 from .answer import (

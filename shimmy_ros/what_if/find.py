@@ -14,9 +14,9 @@ import math
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 
-from ..gear.branches import LARGEST_SWIVEL, Settings, carry
-from ..gear.growing import growing_cycle
-from ..gear.orbits import Orbit
+from ..cycles.branches import LARGEST_SWIVEL, Settings, carry
+from ..cycles.growing import growing_cycle
+from ..cycles.orbits import Orbit
 from ..gear.system import OperatingPoint
 from .answer import number, of_orbit
 from .maximum import maximum

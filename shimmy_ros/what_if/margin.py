@@ -10,11 +10,11 @@ import math
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
-from ..gear.branches import ContinuationError, Line, Settings, follow
-from ..gear.growing import growing_cycle
-from ..gear.orbits import Orbit
+from ..cycles.branches import ContinuationError, Line, Settings, follow
+from ..cycles.growing import growing_cycle
+from ..cycles.orbits import Orbit
+from ..cycles.prediction import Predictor
 from ..gear.parameters import VELOCITY_RANGE, Damper, ranges
-from ..gear.prediction import Predictor
 from ..gear.system import OperatingPoint, family_between
 from ..ihb.solution import Outcome
 from .answer import NOT_CONVERGED, number

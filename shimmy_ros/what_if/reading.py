@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..gear.accuracy import ACCURACY_RANGE
+from ..cycles.accuracy import ACCURACY_RANGE
+from ..cycles.prediction import HARMONICS_RANGE, check_harmonics
 from ..gear.matrices import NAMES, SWIVEL
 from ..gear.parameters import Damper, Gear, ParameterError, Range, ranges
-from ..gear.prediction import HARMONICS_RANGE, check_harmonics
 from ..gear.system import OperatingPoint
 from .query import (
     LARGEST,

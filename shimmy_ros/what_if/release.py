@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
-from ..gear.branches import ContinuationError, Line, Settings, carry, follow
-from ..gear.orbits import Orbit
+from ..cycles.branches import ContinuationError, Line, Settings, carry, follow
+from ..cycles.orbits import Orbit
 from ..gear.system import OperatingPoint, family_between
 from .query import VELOCITY, value_of, with_values
 

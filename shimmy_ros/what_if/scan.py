@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from ..gear.branches import Settings
-from ..gear.growing import growing_cycle
+from ..cycles.branches import Settings
+from ..cycles.growing import growing_cycle
 from ..gear.linear import linear_modes
 from ..gear.parameters import changed
 from ..gear.system import OperatingPoint, gear_system

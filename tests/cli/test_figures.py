@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from shimmy_ros.cli import figures
 from shimmy_ros.cli.main import main
-from shimmy_ros.gear.method_comparison import MethodRun
+from shimmy_ros.cycles.method_comparison import MethodRun
 from shimmy_ros.resources import resource_directory
 
 

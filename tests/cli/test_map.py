@@ -8,8 +8,8 @@ import pytest
 from matplotlib.image import imread
 
 from shimmy_ros.cli.main import main
-from shimmy_ros.gear import fold_curve
-from shimmy_ros.gear.amplitude_map import AmplitudeMap
+from shimmy_ros.cycles import fold_curve
+from shimmy_ros.cycles.amplitude_map import AmplitudeMap
 
 SMALL = ["map", "--x", "taxi_velocity", "52", "58", "--y", "coulomb_torque", "160", "180",
          "--points", "3"]

@@ -14,7 +14,7 @@ import pytest
 
 from shimmy_ros.cli import predict
 from shimmy_ros.cli.main import main
-from shimmy_ros.gear.prediction import Prediction
+from shimmy_ros.cycles.prediction import Prediction
 from shimmy_ros.ihb.solution import Outcome
 
 ROOT = Path(__file__).parents[2]

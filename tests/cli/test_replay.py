@@ -26,9 +26,9 @@ from shimmy_ros.contract.messages import CODECS
 from shimmy_ros.contract.records import GearResponse, TaxiVelocity
 from shimmy_ros.contract.session import REFERENCE_HARDWARE, Session
 from shimmy_ros.contract.spec import load_contract
+from shimmy_ros.cycles.prediction import Predictor
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
-from shimmy_ros.gear.prediction import Predictor
 
 ANSWERS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
            "limit_cycle/status")

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from shimmy_ros.cli.main import main
-from shimmy_ros.gear.diagram import Diagram
+from shimmy_ros.cycles.diagram import Diagram
 
 NARROW = ["sweep", "coulomb_torque", "--velocity", "40", "--from", "150", "--to", "170",
           "--step", "5"]

@@ -15,9 +15,9 @@ from shimmy_ros.contract.answers import ANSWER_TOPICS, ORBIT_INTERVALS, answer
 from shimmy_ros.contract.messages import CODECS
 from shimmy_ros.contract.records import JOINTS, Level
 from shimmy_ros.contract.spec import load_contract
+from shimmy_ros.cycles.prediction import Prediction, Predictor
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
-from shimmy_ros.gear.prediction import Prediction, Predictor
 from shimmy_ros.gear.system import OperatingPoint
 from shimmy_ros.ihb.solution import LimitCycle, Outcome
 

@@ -8,9 +8,9 @@ import pytest
 
 from shimmy_ros.contract.records import TaxiVelocity
 from shimmy_ros.contract.session import Session
+from shimmy_ros.cycles.prediction import Predictor
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import ParameterError, changed
-from shimmy_ros.gear.prediction import Predictor
 
 SECOND = 10**9
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shimmy_ros.gear.one_harmonic import one_harmonic_cycles
-from shimmy_ros.gear.orbits import balance_orbit, converge, shoot
+from shimmy_ros.cycles.one_harmonic import one_harmonic_cycles
+from shimmy_ros.cycles.orbits import balance_orbit, converge, shoot
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
 from shimmy_ros.gear.system import OperatingPoint, gear_system

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shimmy_ros.gear.branches import SHOOTING, Line, Settings, follow
-from shimmy_ros.gear.growing import growing_cycle
+from shimmy_ros.cycles.branches import SHOOTING, Line, Settings, follow
+from shimmy_ros.cycles.growing import growing_cycle
+from shimmy_ros.cycles.orbits import converge, shoot
 from shimmy_ros.gear.matrices import SWIVEL
-from shimmy_ros.gear.orbits import converge, shoot
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
 from shimmy_ros.gear.system import OperatingPoint, family_between

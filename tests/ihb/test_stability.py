@@ -5,12 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from shimmy_ros.cycles.one_harmonic import one_harmonic_cycles
+from shimmy_ros.cycles.orbits import balance_orbit, converge, shoot
 from shimmy_ros.gear.matrices import SWIVEL
-from shimmy_ros.gear.one_harmonic import one_harmonic_cycles
-from shimmy_ros.gear.orbits import balance_orbit, converge, shoot
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
-from shimmy_ros.gear.simulation import Simulation
 from shimmy_ros.gear.system import OperatingPoint, gear_system
 from shimmy_ros.ihb.elements import Coulomb, OddElement, QuadraticDamping
 from shimmy_ros.ihb.harmonics import evaluate, shifted, velocity_zeros, with_harmonics
@@ -21,6 +20,7 @@ from shimmy_ros.ihb.system import System
 from shimmy_ros.shooting.flow import advance
 from shimmy_ros.shooting.modes import model_of
 from shimmy_ros.shooting.periodic import limit_cycle
+from shimmy_ros.simulation.simulation import Simulation
 
 HARMONICS, STEPS = 64, 640
 # C_d, T_CF, V, and which cycle of one harmonic, the smallest first: enough harmonics for 1e-4.

@@ -20,8 +20,8 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
+from shimmy_ros.cycles.prediction import Predictor
 from shimmy_ros.gear.parameter_file import reference_parameters
-from shimmy_ros.gear.prediction import Predictor
 from shimmy_ros.gear.system import OperatingPoint
 from shimmy_ros.nodes.domain import OwnDomain
 

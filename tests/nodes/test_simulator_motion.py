@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shimmy_ros.gear.measurement import measure_cycles
+from shimmy_ros.cycles.prediction import Predictor
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
-from shimmy_ros.gear.prediction import Predictor
 from shimmy_ros.gear.system import OperatingPoint
+from shimmy_ros.simulation.measurement import measure_cycles
 
 JOINTS = ["strut_tilt", "swivel", "damper", "tyre_lateral"]
 SWIVEL = JOINTS.index("swivel")

@@ -27,9 +27,9 @@ import numpy as np
 import pytest
 
 from shimmy_ros.cli.main import main
+from shimmy_ros.cycles.prediction import Predictor
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import Damper, Gear, changed, ranges
-from shimmy_ros.gear.prediction import Predictor
 from shimmy_ros.gear.system import OperatingPoint
 
 ROOT = Path(__file__).parents[2]

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shimmy_ros.gear.measurement import measure_cycles
 from shimmy_ros.report import matching
 from shimmy_ros.report.comparison import SMALLEST_SWIVEL_RAD
 from shimmy_ros.report.matching import LONGEST_CYCLE_S, Matcher, Sample
+from shimmy_ros.simulation.measurement import measure_cycles
 
 
 def matched(time, position, rate, velocity=None):

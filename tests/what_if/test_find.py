@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shimmy_ros.gear.prediction import Predictor
+from shimmy_ros.cycles.prediction import Predictor
 from shimmy_ros.gear.system import OperatingPoint
 from shimmy_ros.what_if.query import with_values
 

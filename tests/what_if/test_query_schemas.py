@@ -6,10 +6,10 @@ import json
 
 import pytest
 
-from shimmy_ros.gear.accuracy import ACCURACY_RANGE
+from shimmy_ros.cycles.accuracy import ACCURACY_RANGE
+from shimmy_ros.cycles.prediction import HARMONICS_RANGE
 from shimmy_ros.gear.matrices import NAMES
 from shimmy_ros.gear.parameter_file import reference_parameters
-from shimmy_ros.gear.prediction import HARMONICS_RANGE
 from shimmy_ros.resources import resource_directory
 from shimmy_ros.what_if.query import PARAMETERS, RETURNS, SENSES, Present
 from shimmy_ros.what_if.reading import LARGEST_AMPLITUDE, LONGEST_ID, read_query

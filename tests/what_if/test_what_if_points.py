@@ -7,11 +7,11 @@ import math
 
 import pytest
 
-from shimmy_ros.gear.limit_cycles import all_cycles
+from shimmy_ros.cycles.limit_cycles import all_cycles
+from shimmy_ros.cycles.prediction import Predictor
+from shimmy_ros.cycles.trigger import trigger
 from shimmy_ros.gear.parameters import Damper, Gear, changed, ranges
-from shimmy_ros.gear.prediction import Predictor
 from shimmy_ros.gear.system import OperatingPoint
-from shimmy_ros.gear.trigger import trigger
 
 
 def at(present, velocity=40.0, **values):
