@@ -21,7 +21,8 @@ from ..gear.system import OperatingPoint
 from ..report.branch_table import branch_row, write_csv
 from ..report.method_table import difference_row, method_name, summary_text, table_text
 from ..resources import resource_directory
-from .options import Commands, grid
+from .branch_options import grid
+from .options import Commands
 from .progress import INTERRUPTED, STOPPED, stoppable
 
 HARMONICS = (1, 4)

@@ -12,19 +12,17 @@ from ..gear.axes import VELOCITY, Axis
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint
 from ..report.branch_table import Row, fold_row, head_of, node_row, write_csv, write_json
-from .options import (
-    Commands,
+from .branch_options import (
     add_branch_options,
-    add_gear_options,
     add_output_options,
     axis_named,
     branch_settings,
-    gear_and_damper,
     grid,
     number,
     setting_of,
     writable,
 )
+from .options import Commands, add_gear_options, gear_and_damper
 from .progress import INTERRUPTED, STOPPED, stoppable
 
 _LEAST_POINTS, _MOST_POINTS = 2, 1000

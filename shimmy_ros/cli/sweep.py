@@ -13,18 +13,16 @@ from ..gear.axes import VELOCITY, Axis
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint
 from ..report.branch_table import Row, branch_row, head_of, sweep_row, write_csv, write_json
-from .options import (
-    Commands,
+from .branch_options import (
     add_branch_options,
-    add_gear_options,
     add_output_options,
     axis_named,
     branch_settings,
-    gear_and_damper,
     grid,
     setting_of,
     writable,
 )
+from .options import Commands, add_gear_options, gear_and_damper
 from .progress import INTERRUPTED, STOPPED, stoppable
 
 _DIRECTIONS = {"up": (True,), "down": (False,), "both": (True, False)}

@@ -15,7 +15,6 @@ from ..gear.parameters import (
 from ..gear.system import OperatingPoint, family_between, gear_system
 from ..ihb.solution import LimitCycle, Outcome, Result
 from ..ihb.solve import follow_in_steps, solve_cold, solve_warm
-from .settling import confirmed
 
 DEFAULT_HARMONICS = 4
 MAXIMUM_HARMONICS = 64
@@ -88,6 +87,9 @@ class Predictor:
         damper = point.damper
         if result.limit_cycle is None and damper.coulomb_torque > 0.0 and (
                 damper.quadratic_damping > 0.0):
+            # Most runs never come near a fold, and this takes its time and memory to import.
+            from .settling import confirmed
+
             result = confirmed(point, result)
         self._last = None if result.limit_cycle is None else (point, result.limit_cycle)
         return Prediction(point, self.harmonics, result.outcome.value, result.limit_cycle,

@@ -1,0 +1,95 @@
+"""What the subcommands share that follow branches over a range: options, ranges, titles."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Collection
+from pathlib import Path
+
+from ..cycles.branches import AUTO, BALANCE, DEFAULT_ACCURACY, METHODS, SHOOTING, Settings
+from ..cycles.prediction import check_harmonics
+from ..gear.axes import VELOCITY, Axis, axis_names
+from ..gear.parameters import ParameterError
+from ..gear.system import OperatingPoint
+from .options import add_harmonics_option
+
+DEFAULT_STEPS = 50
+MOST_STEPS = 10_000
+
+
+def add_branch_options(parser: argparse.ArgumentParser) -> None:
+    """How branches of limit cycles are followed."""
+    add_harmonics_option(parser)
+    parser.add_argument("--accuracy", type=float, metavar="E", default=DEFAULT_ACCURACY,
+                        help="estimated relative error up to which the balance is trusted "
+                        "(default: %(default)s)")
+    parser.add_argument("--method", choices=METHODS, default=AUTO,
+                        help=f"{AUTO} changes from {BALANCE} to {SHOOTING} where the swivel sticks "
+                        "and where the balance is not accurate enough (default: %(default)s)")
+
+
+def add_output_options(parser: argparse.ArgumentParser) -> None:
+    """Where tables and pictures go."""
+    parser.add_argument("--csv", metavar="FILE", type=Path, help="write the table there")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="the same as JSON")
+    parser.add_argument("--plot", metavar="FILE", type=Path, help="write a picture, PNG")
+
+
+def branch_settings(options: argparse.Namespace) -> Settings:
+    """What add_branch_options' options name. Raises ParameterError."""
+    return Settings(check_harmonics(options.harmonics), options.accuracy, options.method)
+
+
+def axis_named(name: str) -> Axis:
+    """The parameter ``name``; its group may be left out. Raises ParameterError."""
+    full = [known for known in axis_names() if known.rpartition(".")[2] == name]
+    return Axis(full[0] if len(full) == 1 else name)
+
+
+def grid(start: float, end: float, step: float | None) -> list[float]:
+    """Values from the smaller to the larger of two, a ``step`` apart. Raises ParameterError."""
+    low, high = sorted((start, end))
+    if not (math.isfinite(low) and math.isfinite(high) and high > low):
+        raise ParameterError(f"--from {start:g} --to {end:g} is no range: both must be finite and "
+                             "differ")
+    if step is None:
+        step = (high - low) / DEFAULT_STEPS
+    if not (step > 0.0 and (high - low) / step <= MOST_STEPS):
+        raise ParameterError(f"--step is {step:g}, but must be positive and leave at most "
+                             f"{MOST_STEPS} steps from {low:g} to {high:g}")
+    count = round((high - low) / step, 9)
+    values = [low + number * step for number in range(int(count) + 1)]
+    # The end is met exactly, with a shorter last step if need be.
+    return [*values[:-1], high] if count == int(count) else [*values, high]
+
+
+def number(option: str, text: str) -> float:
+    """``text`` as a finite number. Raises ParameterError."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ParameterError(f"{option} has {text!r} in a number's place, but must have a finite "
+                             "number there")
+    return value
+
+
+def writable(file: Path | None) -> None:
+    """Refuse a ``file`` whose folder is missing before long work. Raises ParameterError."""
+    if file is not None and (not file.parent.is_dir() or file.is_dir()):
+        raise ParameterError(f"{file} cannot be written: it must be a file in an existing folder")
+
+
+def setting_of(point: OperatingPoint, options: argparse.Namespace, varied: Collection[str]) -> str:
+    """One line about ``point`` for a picture's title, without what is ``varied``."""
+    damper = point.damper
+    values = {VELOCITY: f"V = {point.velocity:g} m/s",
+              "damper.linear_damping": f"$C_t$ = {damper.linear_damping:g} N m s/rad",
+              "damper.quadratic_damping":
+                  f"$C_d$ = {damper.quadratic_damping:g} N m s\u00b2/rad\u00b2",
+              "damper.coulomb_torque": f"$T_{{CF}}$ = {damper.coulomb_torque:g} N m"}
+    gear = (", ".join(file.stem for file in options.gear) if options.gear
+            else "reference gear (invented)")
+    return ", ".join([gear, *(text for name, text in values.items() if name not in varied)])
