@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -20,10 +21,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 with an answer, 1 for a failure, 2 on bad input, 130 when interrupted."""
     try:
         options = _parsed(sys.argv[1:] if arguments is None else arguments)
-        return int(options.run(options))
+        status = int(options.run(options))
+        sys.stdout.flush()
+        return status
     except (ParameterError, BagError) as error:
         print(f"shimmy: {error}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:
+        # Whoever read the output has had enough; what is still buffered must not fail, too.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
     except OSError as error:
         print(f"shimmy: {error}", file=sys.stderr)
         return FAILED

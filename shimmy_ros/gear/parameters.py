@@ -24,8 +24,9 @@ class Range:
     high: float
 
     def describe(self) -> str:
-        """The allowed range in words, with the unit."""
-        return f"[{self.low:g}, {self.high:g}] {self.unit}"
+        """The allowed range in words, with the unit unless that is 1."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"[{self.low:g}, {self.high:g}]{unit}"
 
     def check(self, name: str, value: object) -> float:
         """Return ``value`` as a float, or raise ParameterError that names field, value, range."""
