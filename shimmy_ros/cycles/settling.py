@@ -14,13 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..gear.matrices import DAMPER, SWIVEL
+from ..gear.matrices import SWIVEL
 from ..gear.parameters import changed
 from ..gear.system import OperatingPoint, gear_system
 from ..ihb.newton import STABLE_ORIENTATION
 from ..ihb.solution import LimitCycle, Outcome, Result
 from ..ihb.solve import solve_cold
-from ..simulation.rolling_state import STATES, TYRE_TORSION, tyre_kinematics
+from ..simulation.rolling_state import STATES
 from .midpoint import Motion
 from .orbits import Orbit, aligned, balance_orbit, fourier, shoot
 
@@ -143,11 +143,3 @@ def _stable_near(point: OperatingPoint, state: Real, peak: float, period: float,
     if orbit is None or not orbit.stable or abs(orbit.swivel / peak - 1.0) > nearness:
         return None
     return orbit
-
-
-def rolling_state_of(point: OperatingPoint, state: Real) -> Real:
-    """The state (8,) of `rolling_state` for (q, q') at the velocity of ``point``."""
-    result = np.array(state)
-    heading = tyre_kinematics(point.gear).heading
-    result[TYRE_TORSION] = -state[STATES - 1] / point.velocity - heading[:DAMPER + 2] @ state[:4]
-    return result

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from shimmy_ros.cycles.prediction import Predictor
-from shimmy_ros.cycles.settling import (
-    SettlingError,
-    confirmed,
-    rolling_state_of,
-    settled_orbit,
-)
+from shimmy_ros.cycles.settling import SettlingError, confirmed, settled_orbit
+from shimmy_ros.gear.matrices import DAMPER as DAMPER_ANGLE
 from shimmy_ros.gear.matrices import SWIVEL
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import Damper, Gear, changed
@@ -19,9 +15,19 @@ from shimmy_ros.gear.system import OperatingPoint, gear_system
 from shimmy_ros.ihb.solution import Outcome
 from shimmy_ros.ihb.solve import solve_cold
 from shimmy_ros.shooting.continuation import continue_branch
+from shimmy_ros.simulation.rolling_state import STATES, TYRE_TORSION, tyre_kinematics
 from shimmy_ros.simulation.simulation import Simulation
 
 GEAR, DAMPER = reference_parameters()
+
+
+def rolling_state_of(point, state):
+    """The state of the simulation for (q, q') at the velocity of ``point``."""
+    result = np.array(state)
+    heading = tyre_kinematics(point.gear).heading
+    result[TYRE_TORSION] = (-state[STATES - 1] / point.velocity
+                            - heading[:DAMPER_ANGLE + 2] @ state[:4])
+    return result
 
 
 def at(velocity, quadratic_damping, coulomb_torque):
