@@ -130,7 +130,7 @@ def _put(result: GridPredictions, index: int, prediction: Prediction) -> None:
 
 def _stack(points: GridPoints) -> Stack:
     parts = velocity_parts(points.gear)
-    velocity = np.maximum(points.velocity, np.finfo(np.float64).tiny)
+    velocity = np.maximum(points.velocity, np.finfo(np.float64).tiny)[:, None, None]
     damping = parts.damping(points.linear_damping, velocity)
     return Stack(
         np.broadcast_to(parts.mass, damping.shape).copy(), damping, parts.stiffness(velocity),

@@ -78,17 +78,16 @@ class VelocityParts(NamedTuple):
     def damping(self, linear_damping: float | Matrix, velocity: float | Matrix) -> Matrix:
         """C(V) = V ``rolling_damping`` + ``torsional_damping`` / V, and the damper's C_t.
 
-        Both arguments may have any shape S, and the result has S + (4, 4).
+        For many velocities at once these have shape (m, 1, 1), C_t (m,), and the result (m, 4, 4).
         """
-        speed = np.asarray(velocity)[..., None, None]
-        matrix = speed * self.rolling_damping + self.torsional_damping / speed
+        matrix: Matrix = velocity * self.rolling_damping + self.torsional_damping / velocity
         matrix[..., DAMPER, DAMPER] += linear_damping
-        return np.asarray(matrix)
+        return matrix
 
     def stiffness(self, velocity: float | Matrix) -> Matrix:
-        """K(V) = ``standing_stiffness`` + V^2 ``rolling_stiffness``, shape S + (4, 4)."""
-        speed = np.asarray(velocity)[..., None, None]
-        return np.asarray(self.standing_stiffness + speed**2 * self.rolling_stiffness)
+        """K(V) = ``standing_stiffness`` + V^2 ``rolling_stiffness``, shapes as in damping()."""
+        matrix: Matrix = self.standing_stiffness + velocity**2 * self.rolling_stiffness
+        return matrix
 
 
 def velocity_parts(gear: Gear) -> VelocityParts:

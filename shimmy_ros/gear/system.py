@@ -79,6 +79,7 @@ def _values(point: OperatingPoint) -> dict[str, float]:
     return values | {"velocity": point.velocity}
 
 
+@lru_cache(maxsize=16)
 def _elements(coulomb_torque: float, quadratic_damping: float,
               has_coulomb: bool, has_quadratic: bool) -> tuple[Element, ...]:
     elements: list[Element] = []

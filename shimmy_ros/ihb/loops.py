@@ -26,6 +26,8 @@ CONVERGED, NOT_FALLING, TOO_MANY, OVERFLOWED = 0, 1, 2, 3
 # Rounding error of a sum, that of its angle included, relative to the sum of its terms' slopes.
 ROUNDING = 4.0 * 2.220446049250313e-16
 _POLISHING_STEPS = 48
+# For so few, elimination in place takes less time than the call of a library.
+_FEW_UNKNOWNS = 40
 _STACK = 64
 # Not aligned with multiples of pi/2, where the zeros of a sum in cosines alone lie.
 _GRID_START = -0.1
@@ -510,6 +512,43 @@ def largest_change(before: Real, after: Real) -> float:
 
 
 @compiled
+def eliminate(matrix: Real, right: Real) -> float:
+    """Solve by Gauss with partial pivoting, ``right`` becoming the solution; spoils ``matrix``.
+
+    Returns the determinant's sign. Raises LinAlgError for a singular matrix.
+    """
+    size = matrix.shape[0]
+    sign = 1.0
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if matrix[pivot, k] == 0.0:
+            raise np.linalg.LinAlgError("singular matrix")
+        if pivot != k:
+            sign = -sign
+            right[k], right[pivot] = right[pivot], right[k]
+            for j in range(k, size):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        if matrix[k, k] < 0.0:
+            sign = -sign
+        scale = 1.0 / matrix[k, k]
+        for i in range(k + 1, size):
+            factor = matrix[i, k] * scale
+            if factor != 0.0:
+                right[i] -= factor * right[k]
+                for j in range(k + 1, size):
+                    matrix[i, j] -= factor * matrix[k, j]
+    for k in range(size - 1, -1, -1):
+        total = right[k]
+        for j in range(k + 1, size):
+            total -= matrix[k, j] * right[j]
+        right[k] = total / matrix[k, k]
+    return sign
+
+
+@compiled
 def newton(
     mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
     coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
@@ -538,10 +577,14 @@ def newton(
         right = -residual.reshape(unknowns)
         if not (np.isfinite(np.sum(matrix)) and np.isfinite(np.sum(right))):
             return point, frequency, iteration, error, 0, OVERFLOWED
-        step = np.linalg.solve(matrix, right)
+        if unknowns <= _FEW_UNKNOWNS:
+            step, sign = right, eliminate(matrix, right)
+        else:
+            step, sign = np.linalg.solve(matrix, right), 0.0
         length = np.sqrt(np.sum(step * step))
         if error <= residual_tolerance and length <= step_tolerance:
-            sign = np.linalg.slogdet(matrix)[0]
+            if unknowns > _FEW_UNKNOWNS:
+                sign = np.linalg.slogdet(matrix)[0]
             return point, frequency, iteration, error, 1 if sign > 0.0 else -1, CONVERGED
         fraction = min(1.0, largest_step / length) if length > 0.0 else 1.0
         accepted = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -47,35 +47,60 @@ class System:
                                  "rows")
             matrix.setflags(write=False)
             object.__setattr__(self, name, matrix)
-        for element in self.elements:
-            if not all(0 <= dof < self.dofs for dof in element.dofs):
-                raise ValueError(f"an element acts on the coordinates {element.dofs}, but must on "
-                                 f"some of 0..{self.dofs - 1}")
+        acted_on = self.nonlinear_dofs
+        if acted_on and not 0 <= acted_on[0] <= acted_on[-1] < self.dofs:
+            raise ValueError(f"elements act on the coordinates {acted_on}, but must on some of "
+                             f"0..{self.dofs - 1}")
 
     @property
     def dofs(self) -> int:
         """The number n of degrees of freedom."""
         return len(self.mass)
 
-    @cached_property
+    @property
     def closed_forms(self) -> ClosedForms:
         """The Coulomb and velocity-squared elements as arrays."""
-        coulomb = [e for e in self.elements if isinstance(e, Coulomb)]
-        quadratic = [e for e in self.elements if isinstance(e, QuadraticDamping)]
-        return ClosedForms(
-            tuple(e.dof for e in coulomb), np.array([e.torque for e in coulomb], dtype=np.float64),
-            tuple(e.dof for e in quadratic),
-            np.array([e.coefficient for e in quadratic], dtype=np.float64))
+        return self._kinds.closed
 
-    @cached_property
+    @property
     def general_elements(self) -> tuple[Element, ...]:
         """The elements without a closed form."""
-        return tuple(e for e in self.elements if not isinstance(e, (Coulomb, QuadraticDamping)))
+        return self._kinds.general
 
-    @cached_property
+    @property
     def nonlinear_dofs(self) -> tuple[int, ...]:
         """The coordinates on which an element acts, ascending."""
-        return tuple(sorted({dof for element in self.elements for dof in element.dofs}))
+        return self._kinds.dofs
+
+
+    @cached_property
+    def _kinds(self) -> _Kinds:
+        try:
+            return _sorted_before(self.elements)
+        except TypeError:  # an element that has no hash
+            return _sorted(self.elements)
+
+
+class _Kinds(NamedTuple):
+    closed: ClosedForms
+    general: tuple[Element, ...]
+    dofs: tuple[int, ...]
+
+
+def _sorted(elements: tuple[Element, ...]) -> _Kinds:
+    coulomb = [e for e in elements if isinstance(e, Coulomb)]
+    quadratic = [e for e in elements if isinstance(e, QuadraticDamping)]
+    closed = ClosedForms(
+        tuple(e.dof for e in coulomb), np.array([e.torque for e in coulomb], dtype=np.float64),
+        tuple(e.dof for e in quadratic),
+        np.array([e.coefficient for e in quadratic], dtype=np.float64))
+    return _Kinds(
+        closed, tuple(e for e in elements if not isinstance(e, (Coulomb, QuadraticDamping))),
+        tuple(sorted({dof for element in elements for dof in element.dofs})))
+
+
+# Systems that follow each other mostly have the same elements.
+_sorted_before = lru_cache(maxsize=256)(_sorted)
 
 
 @dataclass(frozen=True)

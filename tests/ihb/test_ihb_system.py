@@ -35,5 +35,16 @@ def test_matrices_that_do_not_fit_are_refused(matrices, message):
 
 @pytest.mark.parametrize("dof", [-1, 2])
 def test_elements_on_missing_coordinates_are_refused(dof):
-    with pytest.raises(ValueError, match=rf"acts on the coordinates \({dof},\).* 0\.\.1"):
+    with pytest.raises(ValueError, match=rf"act on the coordinates \({dof},\).* 0\.\.1"):
         System(IDENTITY, IDENTITY, IDENTITY, (Coulomb(dof, 1.0),))
+
+
+def test_an_element_without_a_hash_is_an_element_as_well():
+    class Nothing:
+        dofs = (0,)
+        __hash__ = None
+
+    system = System([[1.0]], [[0.0]], [[1.0]], (Coulomb(0, 1.0), Nothing()))
+    assert system.nonlinear_dofs == (0,)
+    assert len(system.general_elements) == 1
+    assert system.closed_forms.coulomb == (0,)
