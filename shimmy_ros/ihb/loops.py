@@ -549,6 +549,17 @@ def eliminate(matrix: Real, right: Real) -> float:
 
 
 @compiled
+def solved(matrix: Real, right: Real) -> tuple[Real, float]:
+    """The solution, and the determinant's sign where it is known by the way, or else 0.
+
+    May spoil both arguments. Raises LinAlgError for a singular matrix.
+    """
+    if right.shape[0] <= _FEW_UNKNOWNS:
+        return right, eliminate(matrix, right)
+    return np.linalg.solve(matrix, right), 0.0
+
+
+@compiled
 def newton(
     mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
     coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
@@ -577,13 +588,10 @@ def newton(
         right = -residual.reshape(unknowns)
         if not (np.isfinite(np.sum(matrix)) and np.isfinite(np.sum(right))):
             return point, frequency, iteration, error, 0, OVERFLOWED
-        if unknowns <= _FEW_UNKNOWNS:
-            step, sign = right, eliminate(matrix, right)
-        else:
-            step, sign = np.linalg.solve(matrix, right), 0.0
+        step, sign = solved(matrix, right)
         length = np.sqrt(np.sum(step * step))
         if error <= residual_tolerance and length <= step_tolerance:
-            if unknowns > _FEW_UNKNOWNS:
+            if sign == 0.0:
                 sign = np.linalg.slogdet(matrix)[0]
             return point, frequency, iteration, error, 1 if sign > 0.0 else -1, CONVERGED
         fraction = min(1.0, largest_step / length) if length > 0.0 else 1.0
@@ -776,7 +784,7 @@ def quasi_linear_mode(
         right = -residual.reshape(2 * count)
         if not (np.isfinite(np.sum(matrix)) and np.isfinite(np.sum(right))):
             return shape, rate, False
-        step = np.linalg.solve(matrix, right)
+        step, _ = solved(matrix, right)
         rate = rate + complex(size * step[place], size * step[place + 1])
         if not rate.imag > 0.0:
             return shape, rate, False

@@ -29,7 +29,8 @@ def test_a_cycle_is_kept_with_an_error_that_falls_as_the_square_of_the_step(poin
     errors = []
     for steps in (100, 400, 1600):
         cycles = Motion(point, state, period / steps).advance(60 * steps)
-        assert len(cycles.peak) in (58, 59)
+        # The motion begins and ends next to a passage of zero, which counts or not by rounding.
+        assert len(cycles.peak) in (58, 59, 60)
         assert cycles.period == pytest.approx(period, rel=2e-3)
         errors.append(abs(cycles.peak[-10:].mean() / orbit.swivel - 1.0))
     assert errors[0] < 2e-2
