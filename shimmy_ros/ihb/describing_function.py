@@ -56,6 +56,8 @@ class LostModeError(ArithmeticError):
 
 def with_coulomb_factor(system: System, factor: float) -> System:
     """The same system with every Coulomb element's torque multiplied by ``factor``."""
+    if factor == 1.0:
+        return system
     elements = tuple(
         replace(element, torque=factor * element.torque) if isinstance(element, Coulomb)
         else element
@@ -76,11 +78,9 @@ def reference_coordinate(system: System) -> int:
 def linear_modes(system: System) -> list[Mode]:
     """The modes of M q'' + C q' + K q = 0, one of each pair, the fastest growing first."""
     count = system.dofs
-    state = np.block([
-        [np.zeros((count, count)), np.eye(count)],
-        [-np.linalg.solve(system.mass, system.stiffness),
-         -np.linalg.solve(system.mass, system.damping)],
-    ])
+    state = np.zeros((2 * count, 2 * count))
+    state[:count, count:] = np.eye(count)
+    state[count:] = -np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
     rates, vectors = np.linalg.eig(state)
     found = [Mode(vectors[:count, i], complex(rates[i]))
              for i in np.argsort(-rates.real) if rates[i].imag >= 0.0]
@@ -122,7 +122,8 @@ def growing_cycles(system: System, coulomb_factor: float = 1.0) -> Growth:
     dissipative = all(isinstance(e, (Coulomb, QuadraticDamping)) for e in system.elements)
     if system.general_elements:
         system = separated(system)
-    modes = linear_modes(with_coulomb_factor(system, 0.0))
+    free = with_coulomb_factor(system, 0.0)
+    modes = linear_modes(free)
     rounding = _TOLERANCE * max(abs(mode.rate) for mode in modes)
     for mode in modes:
         if mode.rate.imag <= rounding:
@@ -131,7 +132,7 @@ def growing_cycles(system: System, coulomb_factor: float = 1.0) -> Growth:
         if dissipative and mode.rate.real <= 0.0:
             continue
         try:
-            cycle = _stop_of_growth(system, mode, coulomb_factor)
+            cycle = _stop_of_growth(system, free, mode, coulomb_factor)
         except LostModeError:
             undecided = True
             continue
@@ -140,9 +141,10 @@ def growing_cycles(system: System, coulomb_factor: float = 1.0) -> Growth:
     return Growth(cycles, undecided)
 
 
-def _stop_of_growth(system: System, mode: Mode, factor: float) -> FirstHarmonic | None:
+def _stop_of_growth(system: System, free: System, mode: Mode, factor: float
+                    ) -> FirstHarmonic | None:
+    """Where the growth of ``mode`` of the ``free`` system, friction released, comes to a stop."""
     reference = reference_coordinate(system)
-    free = with_coulomb_factor(system, 0.0)
     if mode.shape[reference] == 0.0:
         raise LostModeError("the mode does not move the coordinate that describes a cycle")
     unit = Mode(mode.shape / mode.shape[reference], mode.rate)
@@ -151,7 +153,7 @@ def _stop_of_growth(system: System, mode: Mode, factor: float) -> FirstHarmonic 
                 falling=True)
     if top is None:
         return None
-    if factor == 0.0 or free is system:
+    if factor == 0.0 or len(free.elements) == len(system.elements):
         return _at_amplitude(*top)
     with_friction = _turn_on_friction(system, top[1], reference, top[0], factor)
     sliding = with_coulomb_factor(system, factor)
