@@ -153,7 +153,7 @@ def _stop_of_growth(system: System, free: System, mode: Mode, factor: float
                 falling=True)
     if top is None:
         return None
-    if factor == 0.0 or len(free.elements) == len(system.elements):
+    if factor == 0.0:
         return _at_amplitude(*top)
     with_friction = _turn_on_friction(system, top[1], reference, top[0], factor)
     sliding = with_coulomb_factor(system, factor)
