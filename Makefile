@@ -86,7 +86,7 @@ $(INSTALLED): $(SOURCES)
 	@echo 'Installing into $(VENV) (about a minute the first time) ...'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[$(EXTRAS)]'
 	@echo 'Compiling the solver (once) ...'
-	@$(BIN)/shimmy predict --velocity 40 >/dev/null
+	@for velocity in 40 7; do $(BIN)/shimmy predict --velocity $$velocity >/dev/null; done
 	@rm $(UNFINISHED)
 	@touch $@
 

@@ -77,9 +77,12 @@ def _sentences(prediction: Prediction) -> str:
     if cycle is None:
         return prediction.message[0].upper() + prediction.message[1:] + "."
     tilt, swivel, damper, lateral = cycle.amplitude()
+    how = (f"{prediction.harmonics} harmonics, {prediction.iterations} iterations, relative "
+           f"residual {prediction.residual:.1e}.")
+    if cycle.harmonics != prediction.harmonics:
+        how = (f"By shooting, as {prediction.harmonics} harmonics do not tell; relative residual "
+               f"{prediction.residual:.1e}.")
     return (
         f"Limit cycle at {cycle.frequency_hz:.4f} Hz: swivel {swivel:.5f} rad "
         f"({math.degrees(swivel):.3f} deg), damper {damper:.5f} rad, strut tilt {tilt:.5f} rad, "
-        f"tyre lateral {lateral:.5f} m.\n"
-        f"{prediction.harmonics} harmonics, {prediction.iterations} iterations, relative residual "
-        f"{prediction.residual:.1e}.")
+        f"tyre lateral {lateral:.5f} m.\n{how}")

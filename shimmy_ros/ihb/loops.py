@@ -556,7 +556,8 @@ def solved(matrix: Real, right: Real) -> tuple[Real, float]:
     """
     if right.shape[0] <= _FEW_UNKNOWNS:
         return right, eliminate(matrix, right)
-    return np.linalg.solve(matrix, right), 0.0
+    solution: Any = np.linalg.solve(matrix, right)
+    return solution, 0.0
 
 
 @compiled

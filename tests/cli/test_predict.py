@@ -196,3 +196,11 @@ def test_the_command_needs_no_ros():
                           check=False)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outcome"] == "limit_cycle"
+
+
+@pytest.mark.parametrize(("velocity", "how"), [
+    ("40", "4 harmonics, 4 iterations, relative residual "),
+    ("7.2", "By shooting, as 4 harmonics do not tell; relative residual ")])
+def test_the_sentence_says_how_the_cycle_was_found(velocity, how, capsys):
+    assert main(["predict", "--velocity", velocity]) == 0
+    assert capsys.readouterr().out.splitlines()[1].startswith(how)
