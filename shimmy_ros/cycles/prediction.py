@@ -46,6 +46,11 @@ class Prediction:
         """Whether the solve did not converge, which is no answer at all."""
         return self.outcome == Outcome.FAILED.value
 
+    @property
+    def stands(self) -> bool:
+        """Whether the tyre does not roll, so that there is no answer to give."""
+        return self.outcome == NOT_ROLLING
+
 
 class Predictor:
     """Predicts points one after the other; a limit cycle found is the next one's start.

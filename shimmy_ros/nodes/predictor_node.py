@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from ..contract.answers import ANSWER_TOPICS, answer
+from ..contract.answers import ANSWER_TOPICS, answer, findings
 from ..contract.messages import CODECS
 from ..contract.records import Level, TaxiVelocity
 from ..contract.session import UNSTAMPED, Session
@@ -149,6 +149,6 @@ class PredictorNode(GearNode):
         if prediction.failed:
             self.get_logger().error(
                 f"at {sample.velocity:g} m/s: {prediction.message}", throttle_duration_sec=5.0)
-        records = answer(prediction, sample.stamp_ns, self._hardware_id, solve_time)
+        records = answer(findings(prediction), sample.stamp_ns, self._hardware_id, solve_time)
         for name, record in records.items():
             self._answer_publishers[name].publish(CODECS[name].encode(record))

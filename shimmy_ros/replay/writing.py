@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from ..bag.copying import copy_message
 from ..bag.offloading import OffloadedWriter
-from ..contract.answers import ANSWER_TOPICS, Record, answer
-from ..contract.messages import CODECS
+from ..contract.answers import ANSWER_TOPICS, Record, answer, answer_messages, findings
 from ..contract.session import Session
 from ..contract.spec import load_contract
-from ..cycles.prediction import Prediction
 from .replay import Inputs, Step
 
 
@@ -43,9 +41,10 @@ class AnswerWriter:
         sample = self._session.sample
         if prediction is not None and sample is not None:
             self.outcomes[prediction.outcome] += 1
-            # A prediction is a few numbers, but its messages take as long as the prediction.
+            # What it found is a few numbers, but their messages take as long as the prediction.
             self._bag.write_made(
-                _messages, (self._names, prediction, sample.stamp_ns, self._hardware_id),
+                answer_messages,
+                (self._names, findings(prediction), sample.stamp_ns, self._hardware_id),
                 message.log_time_ns)
 
     def records(self, step: Step) -> Mapping[str, Record] | None:
@@ -53,11 +52,4 @@ class AnswerWriter:
         sample = self._session.sample
         if step.prediction is None or sample is None:
             return None
-        return answer(step.prediction, sample.stamp_ns, self._hardware_id)
-
-
-def _messages(names: Mapping[str, str], prediction: Prediction, stamp_ns: int, hardware_id: str
-              ) -> Iterator[tuple[str, bytes]]:
-    """The messages of an answer, on the topics that have these ``names`` in the bag."""
-    for name, record in answer(prediction, stamp_ns, hardware_id).items():
-        yield names[name], CODECS[name].encode(record)
+        return answer(findings(step.prediction), sample.stamp_ns, self._hardware_id)

@@ -21,7 +21,7 @@ from rosbags.highlevel import AnyReader
 from shimmy_ros.bag.reader import read_messages
 from shimmy_ros.bag.writer import BagWriter
 from shimmy_ros.cli.main import main
-from shimmy_ros.contract.answers import answer
+from shimmy_ros.contract.answers import answer, findings
 from shimmy_ros.contract.messages import CODECS
 from shimmy_ros.contract.records import GearResponse, TaxiVelocity
 from shimmy_ros.contract.session import REFERENCE_HARDWARE, Session
@@ -86,7 +86,8 @@ def test_every_kind_of_bag_gives_the_same_answers(replay, bags, kind, tmp_path):
         else:
             session.take(TaxiVelocity(log_time - 500_000, value), log_time)
         if session.sample is not None:
-            records = answer(session.predict(), session.sample.stamp_ns, REFERENCE_HARDWARE)
+            records = answer(findings(session.predict()), session.sample.stamp_ns,
+                             REFERENCE_HARDWARE)
             expected += [(f"/shimmy/{name}", log_time, CODECS[name].encode(record))
                          for name, record in records.items()]
     path = bags.kinds[kind](tmp_path / "bags" / "run", written)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from shimmy_ros.contract.answers import ANSWER_TOPICS, ORBIT_INTERVALS, answer
+from shimmy_ros.contract.answers import ANSWER_TOPICS, ORBIT_INTERVALS, answer, findings
 from shimmy_ros.contract.messages import CODECS
 from shimmy_ros.contract.records import JOINTS, Level
 from shimmy_ros.contract.spec import load_contract
@@ -33,7 +33,7 @@ def predicted(velocity=40.0, harmonics=4, **damper):
 
 def of(prediction, **settings):
     """Amplitude, frequency, orbit and the one status of an answer."""
-    records = answer(prediction, STAMP_NS, "a gear", **settings)
+    records = answer(findings(prediction), STAMP_NS, "a gear", **settings)
     assert tuple(records) == ANSWER_TOPICS
     assert {topic.name for topic in load_contract().published_by("predictor")} - set(records) == {
         "what_if/answer", "/diagnostics"}
@@ -128,7 +128,7 @@ def test_a_failure_is_no_answer():
                          ids=["limit cycle", "not rolling", "no limit cycle"])
 def test_every_answer_can_be_sent_and_its_numbers_parse(velocity, torque):
     prediction = predicted(velocity, coulomb_torque=torque)
-    for name, record in answer(prediction, STAMP_NS, "a gear").items():
+    for name, record in answer(findings(prediction), STAMP_NS, "a gear").items():
         back = CODECS[name].decode(CODECS[name].encode(record))
         if name == "limit_cycle/status":
             assert back == record
