@@ -41,9 +41,10 @@ def draw_diagram(points: Sequence[DiagramPoint], label: str, span: tuple[float, 
     frequency.set_xlim(*span)
     _key(amplitude, shown)
     if len(shown) < len(points):
+        # Above the axes, where no curve can run into it.
         amplitude.annotate(
-            f"unstable cycles beyond {np.degrees(BEYOND_GEAR):.0f} deg are not shown", (0.99, 0.98),
-            xycoords="axes fraction", ha="right", va="top", fontsize="small", color="0.4")
+            f"unstable cycles beyond {np.degrees(BEYOND_GEAR):.0f} deg are not shown", (1.0, 1.005),
+            xycoords="axes fraction", ha="right", va="bottom", fontsize="small", color="0.4")
     figure.savefig(file, dpi=110)
 
 
