@@ -26,6 +26,7 @@ from mcap.records import (
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from zstandard import ZstdError
 
+from .file import BagFile
 from .message import BagMessage, Channel
 from .order import ChunkPlace, by_log_time
 
@@ -41,18 +42,8 @@ _MESSAGE_OPCODE = int(Opcode.MESSAGE)
 _FOOTER_BYTES = 9 + 20 + len(MAGIC)
 
 
-class McapFile:
-    """One MCAP file.
-
-    ``fraction`` of it has been read, ``damage`` says what is wrong with it, and ``metadata`` has
-    the contents of its metadata records by name, all three as far as messages() went.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.fraction = 0.0
-        self.damage: list[str] = []
-        self.metadata: dict[str, dict[str, str]] = {}
+class McapFile(BagFile):
+    """One MCAP file."""
 
     def channels(self) -> list[Channel]:
         """The channels, damaged files' as far as they can be read. Raises OSError."""

@@ -16,14 +16,13 @@ from zstandard import ZstdDecompressor, ZstdError
 
 from . import mcap_file, ros1_file, sqlite_file
 from .errors import BagError
+from .file import BagFile
 from .mcap_file import McapFile
 from .message import CDR, BagMessage, Channel
 from .ros1_file import Ros1File
 from .sqlite_file import SqliteFile
 
-BagFile = McapFile | SqliteFile | Ros1File
-
-_KINDS: tuple[tuple[bytes, type[McapFile] | type[SqliteFile] | type[Ros1File]], ...] = (
+_KINDS: tuple[tuple[bytes, type[BagFile]], ...] = (
     (mcap_file.MAGIC, McapFile),
     (sqlite_file.MAGIC, SqliteFile),
     (ros1_file.MAGIC, Ros1File),
@@ -174,7 +173,7 @@ def _is_compressed(path: Path) -> bool:
         return stream.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC
 
 
-def _kind(path: Path) -> type[McapFile] | type[SqliteFile] | type[Ros1File]:
+def _kind(path: Path) -> type[BagFile]:
     with path.open("rb") as stream:
         head = stream.read(16)
     for magic, kind in _KINDS:

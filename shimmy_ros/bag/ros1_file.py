@@ -16,6 +16,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
 from .errors import BagError
+from .file import BagFile
 from .message import BagMessage, Channel
 from .order import ChunkPlace, by_log_time
 from .types import ros1_channel, ros1_types
@@ -39,14 +40,8 @@ _DAMAGE = (_DamageError, struct.error, ValueError, OSError, EOFError, RuntimeErr
            SerdeError, BagError)
 
 
-class Ros1File:
-    """One ROS 1 bag; ``fraction`` and ``damage`` are as of McapFile, ``metadata`` is empty."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.fraction = 0.0
-        self.damage: list[str] = []
-        self.metadata: dict[str, dict[str, str]] = {}
+class Ros1File(BagFile):
+    """One ROS 1 bag; ``metadata`` is empty."""
 
     def channels(self) -> list[Channel]:
         """The channels, a damaged file's as far as they can be read. Raises BagError, OSError."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from pathlib import Path
 
 from .errors import BagError
+from .file import BagFile
 from .message import BagMessage, Channel
 
 MAGIC = b"SQLite format 3\0"
@@ -16,14 +16,8 @@ _MESSAGES = ("SELECT topic_id, id, timestamp, data FROM messages WHERE topic_id 
              "ORDER BY {}")
 
 
-class SqliteFile:
-    """One SQLite file; ``fraction`` and ``damage`` are as of McapFile, ``metadata`` is empty."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.fraction = 0.0
-        self.damage: list[str] = []
-        self.metadata: dict[str, dict[str, str]] = {}
+class SqliteFile(BagFile):
+    """One SQLite file; ``metadata`` is empty."""
 
     def channels(self) -> list[Channel]:
         """The channels. Raises BagError where it holds no bag."""

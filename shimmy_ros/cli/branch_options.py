@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Collection
+import sys
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..cycles.branches import AUTO, BALANCE, DEFAULT_ACCURACY, METHODS, SHOOTING, Settings
 from ..cycles.prediction import check_harmonics
 from ..gear.axes import VELOCITY, Axis, axis_names
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint
+from ..report.branch_table import Row, write_csv, write_json
 from .options import add_harmonics_option
+from .progress import INTERRUPTED, STOPPED
 
 DEFAULT_STEPS = 50
 MOST_STEPS = 10_000
@@ -93,3 +97,23 @@ def setting_of(point: OperatingPoint, options: argparse.Namespace, varied: Colle
     gear = (", ".join(file.stem for file in options.gear) if options.gear
             else "reference gear (invented)")
     return ", ".join([gear, *(text for name, text in values.items() if name not in varied)])
+
+
+def deliver(options: argparse.Namespace, rows: Sequence[Row], head: Mapping[str, Any],
+            draw: Callable[[Path], None], losses: Sequence[str], finished: bool) -> int:
+    """Write what add_output_options' options name, say what was lost; the exit status."""
+    if options.csv is not None:
+        with options.csv.open("w", encoding="utf-8", newline="") as stream:
+            write_csv(rows, stream)
+    elif options.json is None and options.plot is None:
+        write_csv(rows, sys.stdout)
+    if options.json is not None:
+        write_json(head, rows, options.json)
+    if options.plot is not None:
+        draw(options.plot)
+    for loss in losses:
+        print(f"shimmy: did not converge: {loss}", file=sys.stderr)
+    if not finished:
+        print(STOPPED, file=sys.stderr)
+        return INTERRUPTED
+    return 1 if losses else 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -11,19 +12,20 @@ from ..cycles.amplitude_map import AmplitudeMap
 from ..gear.axes import VELOCITY, Axis
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint
-from ..report.branch_table import Row, fold_row, head_of, node_row, write_csv, write_json
+from ..report.branch_table import Row, fold_row, head_of, node_row
 from .branch_options import (
     add_branch_options,
     add_output_options,
     axis_named,
     branch_settings,
+    deliver,
     grid,
     number,
     setting_of,
     writable,
 )
 from .options import Commands, add_gear_options, gear_and_damper
-from .progress import INTERRUPTED, STOPPED, stoppable
+from .progress import stoppable
 
 _LEAST_POINTS, _MOST_POINTS = 2, 1000
 
@@ -74,26 +76,16 @@ def run(options: argparse.Namespace) -> int:
         writable(file)
     shimmy = AmplitudeMap(point, x, y, xs, ys, branch_settings(options))
     finished = _compute(shimmy, options)
-    rows = _rows(shimmy)
-    if options.csv is not None:
-        with options.csv.open("w", encoding="utf-8", newline="") as stream:
-            write_csv(rows, stream)
-    elif options.json is None and options.plot is None:
-        write_csv(rows, sys.stdout)
-    if options.json is not None:
-        write_json(head_of(point, [x.name, y.name], shimmy.losses), rows, options.json)
-    if options.plot is not None:
-        # matplotlib takes its time to import, and is not needed before.
+
+    def draw(file: Path) -> None:
+        # matplotlib takes its time to import, and is not needed otherwise.
         from ..report.map_picture import draw_map
 
         draw_map(shimmy, f"Shimmy over {x.name} and {y.name}\n"
-                 f"{setting_of(point, options, {x.name, y.name})}", options.plot)
-    for loss in shimmy.losses:
-        print(f"shimmy: did not converge: {loss}", file=sys.stderr)
-    if not finished:
-        print(STOPPED, file=sys.stderr)
-        return INTERRUPTED
-    return 1 if shimmy.losses else 0
+                 f"{setting_of(point, options, {x.name, y.name})}", file)
+
+    return deliver(options, _rows(shimmy), head_of(point, [x.name, y.name], shimmy.losses), draw,
+                   shimmy.losses, finished)
 
 
 def _axis(option: str, words: list[str], points: int) -> tuple[Axis, list[float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -12,18 +13,19 @@ from ..cycles.sweep import sweep_points
 from ..gear.axes import VELOCITY, Axis
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint
-from ..report.branch_table import Row, branch_row, head_of, sweep_row, write_csv, write_json
+from ..report.branch_table import Row, branch_row, head_of, sweep_row
 from .branch_options import (
     add_branch_options,
     add_output_options,
     axis_named,
     branch_settings,
+    deliver,
     grid,
     setting_of,
     writable,
 )
 from .options import Commands, add_gear_options, gear_and_damper
-from .progress import INTERRUPTED, STOPPED, stoppable
+from .progress import stoppable
 
 _DIRECTIONS = {"up": (True,), "down": (False,), "both": (True, False)}
 
@@ -74,27 +76,17 @@ def run(options: argparse.Namespace) -> int:
         writable(file)
     diagram = Diagram(point, axis, values, branch_settings(options))
     finished = _trace(diagram, options.everything)
-    rows = _rows(diagram, options, finished)
-    if options.csv is not None:
-        with options.csv.open("w", encoding="utf-8", newline="") as stream:
-            write_csv(rows, stream)
-    elif options.json is None and options.plot is None:
-        write_csv(rows, sys.stdout)
-    if options.json is not None:
-        write_json(head_of(point, [axis.name], diagram.losses), rows, options.json)
-    if options.plot is not None:
-        # matplotlib takes its time to import, and is not needed before.
+
+    def draw(file: Path) -> None:
+        # matplotlib takes its time to import, and is not needed otherwise.
         from ..report.branch_picture import draw_diagram
 
         draw_diagram(diagram.points, axis.label, (values[0], values[-1]),
                      f"Limit cycles over {axis.name}\n{setting_of(point, options, {axis.name})}",
-                     options.plot)
-    for loss in diagram.losses:
-        print(f"shimmy: did not converge: {loss}", file=sys.stderr)
-    if not finished:
-        print(STOPPED, file=sys.stderr)
-        return INTERRUPTED
-    return 1 if diagram.losses else 0
+                     file)
+
+    return deliver(options, _rows(diagram, options, finished),
+                   head_of(point, [axis.name], diagram.losses), draw, diagram.losses, finished)
 
 
 def _trace(diagram: Diagram, everything: bool) -> bool:

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiling import compiled
 from ..gear.matrices import DAMPER, SWIVEL
 from ..gear.system import OperatingPoint, gear_system
-from ..ihb.loops import compiled
 
 Real = NDArray[np.float64]
 

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from ..compiling import compiled
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -32,14 +33,7 @@ _STACK = 64
 # Not aligned with multiples of pi/2, where the zeros of a sum in cosines alone lie.
 _GRID_START = -0.1
 
-Function = TypeVar("Function", bound=Callable[..., Any])
 Matrix = TypeVar("Matrix", Real, Complex)
-
-
-def compiled(function: Function) -> Function:
-    """``function`` compiled at its first call, from a cache on disk after that."""
-    compiler: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
-    return cast(Function, compiler(function))
 
 
 def with_replacement(function: Callable[..., Any], **replaced: Any) -> Callable[..., Any]:

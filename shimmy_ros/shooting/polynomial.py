@@ -12,7 +12,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from .series import compiled
+from ..compiling import compiled
 
 Real = NDArray[np.float64]
 

@@ -8,24 +8,15 @@ what the motion depends on, the parameter last. Before the loops, a column is on
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiling import compiled
+
 Real = NDArray[np.float64]
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Components below count as zero.
 _TINY = 1e-200
-
-
-def compiled(function: Function) -> Function:
-    """``function`` compiled at its first call, from a cache on disk after that."""
-    compiler: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
-    return cast(Function, compiler(function))
 
 
 @compiled

@@ -5,6 +5,8 @@ import pytest
 from hypothesis import settings
 
 from shimmy_ros.ihb.elements import Coulomb, OddElement, QuadraticDamping
+from shimmy_ros.ihb.newton import Point, newton, phase_of
+from shimmy_ros.ihb.solution import LimitCycle
 from shimmy_ros.ihb.system import System
 
 settings.register_profile("repeatable", deadline=None, derandomize=True)
@@ -42,6 +44,15 @@ def _rubbing(growth, torque, damping):
     return System([[1.0]], [[-growth]], [[1.0]], tuple(elements))
 
 
+def _balanced(system, amplitude, harmonics):
+    """The cycle of a system of one coordinate next to an amplitude."""
+    coefficients = np.zeros((1, 2 * harmonics))
+    coefficients[0, 0] = amplitude
+    found = newton(system, Point(coefficients, 1.0), (0,), phase_of((0,), harmonics, 0))
+    assert found.converged
+    return LimitCycle(found.point.coefficients, found.point.frequency, found.orientation)
+
+
 @pytest.fixture(scope="session")
 def differences():
     return _differences
@@ -55,3 +66,8 @@ def van_der_pol():
 @pytest.fixture(scope="session")
 def rubbing():
     return _rubbing
+
+
+@pytest.fixture(scope="session")
+def balanced():
+    return _balanced

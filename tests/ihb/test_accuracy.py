@@ -13,7 +13,6 @@ from shimmy_ros.gear.system import OperatingPoint, gear_system
 from shimmy_ros.ihb.accuracy import estimate_error, solve_to_accuracy
 from shimmy_ros.ihb.elements import Coulomb, QuadraticDamping
 from shimmy_ros.ihb.harmonics import with_harmonics
-from shimmy_ros.ihb.newton import Point, newton, phase_of
 from shimmy_ros.ihb.solution import LimitCycle, Outcome
 from shimmy_ros.ihb.solve import solve_cold
 from shimmy_ros.ihb.system import System
@@ -29,20 +28,12 @@ GEAR_CYCLES = [
     (50, 10, 10, 1), (50, 10, 40, 1), (10, 150, 40, 1), (10, 150, 40, 0), (10, 140, 60, 0)]
 
 
-def one_coordinate(system, amplitude, harmonics):
-    coefficients = np.zeros((1, 2 * harmonics))
-    coefficients[0, 0] = amplitude
-    found = newton(system, Point(coefficients, 1.0), (0,), phase_of((0,), harmonics, 0))
-    assert found.converged
-    return LimitCycle(found.point.coefficients, found.point.frequency, found.orientation)
-
-
 @pytest.mark.parametrize(("growth", "torque", "damping", "amplitude", "frequency"), ONE_COORDINATE)
 def test_the_estimate_covers_the_error_of_an_oscillator_that_rubs(
-        rubbing, growth, torque, damping, amplitude, frequency):
+        rubbing, balanced, growth, torque, damping, amplitude, frequency):
     system = rubbing(growth, torque, damping)
     for harmonics in (1, 2, 4, 8, 16, 32):
-        cycle = one_coordinate(system, amplitude, harmonics)
+        cycle = balanced(system, amplitude, harmonics)
         estimate = estimate_error(system, cycle)
         assert abs(cycle.amplitude()[0] / amplitude - 1.0) <= estimate.amplitude[0] + 2e-9
         error = abs(cycle.frequency / frequency - 1.0)
@@ -52,11 +43,11 @@ def test_the_estimate_covers_the_error_of_an_oscillator_that_rubs(
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0, 3.0])
-def test_the_estimate_covers_the_error_of_a_van_der_pol_oscillator(van_der_pol, mu):
+def test_the_estimate_covers_the_error_of_a_van_der_pol_oscillator(van_der_pol, balanced, mu):
     system = van_der_pol(mu)
-    exact = one_coordinate(system, 2.0, 64)
+    exact = balanced(system, 2.0, 64)
     for harmonics in (2, 4, 8, 16):
-        cycle = one_coordinate(system, 2.0, harmonics)
+        cycle = balanced(system, 2.0, harmonics)
         estimate = estimate_error(system, cycle)
         off = (abs(cycle.amplitude() / exact.amplitude() - 1.0)[0],
                abs(cycle.frequency / exact.frequency - 1.0))

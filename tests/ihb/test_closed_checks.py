@@ -8,8 +8,7 @@ import pytest
 
 from shimmy_ros.ihb.continuation import branch
 from shimmy_ros.ihb.elements import Coulomb
-from shimmy_ros.ihb.newton import STABLE_ORIENTATION, Point, newton, phase_of
-from shimmy_ros.ihb.solution import LimitCycle
+from shimmy_ros.ihb.newton import STABLE_ORIENTATION, Point, phase_of
 from shimmy_ros.ihb.solve import solve_cold
 from shimmy_ros.ihb.stability import stability
 from shimmy_ros.ihb.system import Family, System
@@ -31,18 +30,10 @@ def one_harmonic_amplitudes(growth, torque, damping):
     return np.roots([8.0 * damping / (3.0 * np.pi), -growth, 4.0 * torque / np.pi])
 
 
-def balanced(system, amplitude, harmonics):
-    coefficients = np.zeros((1, 2 * harmonics))
-    coefficients[0, 0] = amplitude
-    found = newton(system, Point(coefficients, 1.0), (0,), phase_of((0,), harmonics, 0))
-    assert found.converged
-    return LimitCycle(found.point.coefficients, found.point.frequency, found.orientation)
-
-
 @pytest.mark.parametrize(("growth", "torque", "damping", "amplitude", "frequency", "stable"),
                          CYCLES)
 def test_both_cycles_are_found_to_a_millionth(
-        rubbing, growth, torque, damping, amplitude, frequency, stable):
+        rubbing, balanced, growth, torque, damping, amplitude, frequency, stable):
     system = rubbing(growth, torque, damping)
     guess = min(one_harmonic_amplitudes(growth, torque, damping),
                 key=lambda root: abs(root - amplitude))
@@ -74,7 +65,7 @@ def test_a_cold_start_finds_the_stable_one(rubbing, growth, torque, damping, amp
     assert cold.amplitude()[0] == pytest.approx(amplitude, abs=1e-6)
 
 
-def test_the_fold_lies_where_shooting_says(rubbing):
+def test_the_fold_lies_where_shooting_says(rubbing, balanced):
     growth, damping = 0.2, 0.1
 
     def system(torque):

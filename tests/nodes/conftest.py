@@ -372,3 +372,15 @@ def module_stage(tmp_path_factory):
 def values():
     """The key-value pairs of a DiagnosticStatus, as a function."""
     return values_of
+
+
+@pytest.fixture(scope="module")
+def both(module_stage):
+    """Both nodes, and the bench that hears them."""
+    nodes = {"predictor": module_stage.start("predictor"),
+             "simulator": module_stage.start("simulator", record="false")}
+    bench = module_stage.bench
+    bench.listen("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
+                 "limit_cycle/status", "gear_response", "/diagnostics")
+    bench.join("predictor", "simulator")
+    return SimpleNamespace(bench=bench, nodes=nodes)

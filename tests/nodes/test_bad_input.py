@@ -6,7 +6,6 @@ import math
 import re
 import statistics
 from itertools import pairwise
-from types import SimpleNamespace
 
 import pytest
 
@@ -15,18 +14,6 @@ SETTINGS = {"linear_damping": 2.0, "quadratic_damping": 10.0, "coulomb_torque": 
 UNITS = {"linear_damping": "N m s/rad", "quadratic_damping": "N m s^2/rad^2",
          "coulomb_torque": "N m"}
 BAD = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf, "-3": -3.0, "1e+09": 1e9}
-
-
-@pytest.fixture(scope="module")
-def both(module_stage):
-    """Both nodes at 40 m/s, and the bench that hears them."""
-    nodes = {"predictor": module_stage.start("predictor"),
-             "simulator": module_stage.start("simulator", record="false")}
-    bench = module_stage.bench
-    bench.listen("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
-                 "limit_cycle/status", "gear_response", "/diagnostics")
-    bench.join("predictor", "simulator")
-    return SimpleNamespace(bench=bench, nodes=nodes)
 
 
 def test_bad_values_change_nothing_and_are_named(both, values):

@@ -6,7 +6,6 @@ import json
 import math
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -20,18 +19,6 @@ PHYSICAL = {f"{group}.{name}": (REFERENCE[group][name], range_)
             for group, values in (("gear", Gear), ("damper", Damper))
             for name, range_ in ranges(values).items()}
 PARTIES = ("predictor", "simulator")
-
-
-@pytest.fixture(scope="module")
-def both(module_stage):
-    """Both nodes, and the bench that hears them."""
-    nodes = {"predictor": module_stage.start("predictor"),
-             "simulator": module_stage.start("simulator", record="false")}
-    bench = module_stage.bench
-    bench.listen("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/orbit",
-                 "limit_cycle/status", "gear_response", "/diagnostics")
-    bench.join("predictor", "simulator")
-    return SimpleNamespace(bench=bench, nodes=nodes)
 
 
 @pytest.fixture
