@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .balance import balance, recovered
 from .describing_function import reference_coordinate
-from .harmonics import Real, orders, peaks, to_complex, with_harmonics
-from .newton import Phase, Point, jacobian, moved, phase_of, scales, unknowns
+from .elements import OddElement
+from .harmonics import Real, orders, to_complex, with_harmonics
+from .newton import phase_of, step_once
 from .solution import LimitCycle, Outcome, Result
 from .solve import placed, solve_cold, solve_warm
 from .system import System
@@ -47,19 +47,22 @@ class ErrorEstimate:
 
 
 def estimate_error(system: System, cycle: LimitCycle) -> ErrorEstimate:
-    """Estimate the error that comes from the number of harmonics.
+    """Estimate the error that comes from the number of harmonics, and from that of points.
 
     Infinite where the steps to more harmonics do not exist.
     """
     finer, finest = (_refined(system, cycle, factor) for factor in (2, 4))
-    if finer is None or finest is None:
+    staggered = _refined(system, cycle, 2, 0.5) if system.general_elements else finer
+    if finer is None or finest is None or staggered is None:
         return ErrorEstimate(np.full(system.dofs, np.inf), np.inf)
     best = finest.amplitude()
     scale = np.where(best > 0.0, best, 1.0)
-    lacking = np.abs(cycle.amplitude() - best) + 2.0 * np.abs(finer.amplitude() - best)
+    lacking = (np.abs(cycle.amplitude() - best) + 2.0 * np.abs(finer.amplitude() - best)
+               + 2.0 * np.abs(staggered.amplitude() - finer.amplitude()))
     amplitude = (_SAFETY * lacking + _tail(finest)) / scale
-    frequency = _SAFETY / finest.frequency * (abs(cycle.frequency - finest.frequency) + 2.0 * abs(
-        finer.frequency - finest.frequency))
+    frequency = _SAFETY / finest.frequency * (
+        abs(cycle.frequency - finest.frequency) + 2.0 * abs(finer.frequency - finest.frequency)
+        + 2.0 * abs(staggered.frequency - finer.frequency))
     worst = float(np.max(amplitude))
     return ErrorEstimate(np.maximum(amplitude, _LEAST_AMPLITUDE * worst) + _ROUNDING,
                          max(frequency, _LEAST_FREQUENCY * worst) + _ROUNDING)
@@ -69,12 +72,12 @@ def solve_to_accuracy(system: System, accuracy: float, start: LimitCycle | None 
                       largest: int = MAXIMUM_HARMONICS) -> tuple[Result, ErrorEstimate | None]:
     """The limit cycle whose estimated relative errors are all below ``accuracy``.
 
-    Harmonics are doubled, from those of ``start`` or from four, until the estimate is met; a
-    result that does not meet it with ``largest`` of them comes with the estimate that it has.
+    Harmonics are doubled, from those of ``start`` or from four, until the balance has a cycle and
+    the estimate is met; a result that does not meet it with ``largest`` of them comes with the
+    estimate that it has.
     Without a limit cycle there is no estimate.
     """
-    result = (solve_cold(system, _FIRST_HARMONICS) if start is None
-              else solve_warm(system, start))
+    result = _first(system, largest) if start is None else solve_warm(system, start)
     while result.limit_cycle is not None:
         cycle = result.limit_cycle
         estimate = estimate_error(system, cycle)
@@ -92,6 +95,19 @@ def solve_to_accuracy(system: System, accuracy: float, start: LimitCycle | None 
     return result, None
 
 
+def _first(system: System, largest: int) -> Result:
+    """A cycle with four harmonics, or with as many as a relaxation oscillation needs."""
+    harmonics = _FIRST_HARMONICS
+    result = solve_cold(system, harmonics)
+    # Without an iteration there was nothing that more harmonics could help.
+    while result.outcome is Outcome.NOT_CONVERGED and result.iterations and (
+            2 * harmonics <= largest):
+        harmonics *= 2
+        following = solve_cold(system, harmonics)
+        result = replace(following, iterations=result.iterations + following.iterations)
+    return result
+
+
 def _tail(cycle: LimitCycle) -> Real:
     """The sum of all harmonics beyond those of ``cycle``, shape (n,), as its last fourth has it.
 
@@ -103,31 +119,21 @@ def _tail(cycle: LimitCycle) -> Real:
     return np.asarray(falling.max(axis=1) / (2.0 * order[-1]))
 
 
-def _refined(system: System, cycle: LimitCycle, factor: int) -> LimitCycle | None:
-    """One Newton step from ``cycle`` with ``factor`` times its harmonics; None if there is none."""
+def _refined(system: System, cycle: LimitCycle, factor: int, offset: float = 0.0
+             ) -> LimitCycle | None:
+    """One Newton step from ``cycle`` with ``factor`` times its harmonics; None if there is none.
+
+    And with as many times the points of general elements, displaced by ``offset``.
+    """
+    if system.general_elements:
+        system = replace(system, elements=tuple(
+            replace(element, points=factor * element.points, offset=element.offset + offset)
+            if isinstance(element, OddElement) else element for element in system.elements))
     active = system.nonlinear_dofs
     harmonics = factor * cycle.harmonics
     padded = replace(cycle, coefficients=with_harmonics(cycle.coefficients, harmonics))
     _, point = placed(system, padded, active)
-    phase = phase_of(active, harmonics, reference_coordinate(system))
-    stepped = _newton_step(system, point, active, phase)
-    if stepped is None:
-        return None
-    coefficients = recovered(system, stepped.coefficients, stepped.frequency, active)
-    if not np.all(np.isfinite(peaks(coefficients))):
-        return None
-    return LimitCycle(coefficients, stepped.frequency, cycle.orientation)
-
-
-def _newton_step(system: System, point: Point, active: tuple[int, ...], phase: Phase
-                 ) -> Point | None:
-    terms = balance(system, point.coefficients, point.frequency, active)
-    size = scales(point, phase)
-    try:
-        step = np.linalg.solve(jacobian(terms, phase) * size, -terms.residual)
-    except np.linalg.LinAlgError:
-        return None
-    following = moved(point, phase, unknowns(point, phase) + size * step)
-    if not (np.all(np.isfinite(following.coefficients)) and following.frequency > 0.0):
-        return None
-    return following
+    with np.errstate(all="ignore"):
+        stepped = step_once(system, point, active,
+                            phase_of(active, harmonics, reference_coordinate(system)))
+    return None if stepped is None else LimitCycle(*stepped, cycle.orientation)

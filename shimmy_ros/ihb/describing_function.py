@@ -241,7 +241,8 @@ def _mode_at(system: System, amplitude: float, guess: Mode, reference: int) -> M
         shape, rate, converged = solve(
             *parts[:3], *parts[5:], amplitude, guess.shape, guess.rate, reference,
             _NEWTON_ITERATIONS, _TOLERANCE)
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, ArithmeticError):
+        # Singular, or, where the loop is not compiled, beyond the range of numbers.
         return None
     return Mode(shape, rate) if converged else None
 

@@ -9,6 +9,7 @@ complex form (see ``loops``). A general element is integrated by quadrature.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -43,10 +44,22 @@ class Element(Protocol):
 
 @dataclass(frozen=True)
 class Coulomb:
-    """The force torque * sign(velocity) on one coordinate, velocity = frequency * dq/dtau."""
+    """The force torque * sign(velocity) on one coordinate, velocity = frequency * dq/dtau.
+
+    A negative torque is that of a derivative; a system that is to be solved has none. Raises
+    ValueError for one that is not finite.
+    """
 
     dof: int
     torque: float
+
+    def __post_init__(self) -> None:
+        _check_finite("torque", self.torque, self.dof)
+
+    @property
+    def fault(self) -> str | None:
+        """What keeps the element out of a system that is to be solved, in a sentence."""
+        return _fault_of("torque", self.torque, self.dof)
 
     @property
     def dofs(self) -> tuple[int, ...]:
@@ -67,10 +80,22 @@ class Coulomb:
 
 @dataclass(frozen=True)
 class QuadraticDamping:
-    """The force coefficient * |velocity| * velocity on one coordinate."""
+    """The force coefficient * |velocity| * velocity on one coordinate.
+
+    As with Coulomb, a negative coefficient is that of a derivative. Raises ValueError for one that
+    is not finite.
+    """
 
     dof: int
     coefficient: float
+
+    def __post_init__(self) -> None:
+        _check_finite("coefficient", self.coefficient, self.dof)
+
+    @property
+    def fault(self) -> str | None:
+        """What keeps the element out of a system that is to be solved, in a sentence."""
+        return _fault_of("coefficient", self.coefficient, self.dof)
 
     @property
     def dofs(self) -> tuple[int, ...]:
@@ -95,7 +120,8 @@ class OddElement:
     ``force(q, v)`` takes and returns arrays of shape (m, P): coordinates and velocities at P
     instants; it has to be odd, f(-q, -v) = -f(q, v). ``stiffness`` and ``damping`` return its
     derivatives by q and by v, shape (m, m, P). ``points`` P instants are spread evenly over half
-    a period; a smooth force is integrated to rounding error once P well exceeds 2N.
+    a period, the first of them ``offset`` of their distance from its beginning; a smooth force is
+    integrated to rounding error once P well exceeds 2N.
     """
 
     dofs: tuple[int, ...]
@@ -103,12 +129,14 @@ class OddElement:
     stiffness: Callable[[Real, Real], Real]
     damping: Callable[[Real, Real], Real]
     points: int = 256
+    offset: float = 0.0
 
     def balance(self, coefficients: Real, frequency: float) -> ElementForce:
         """Trapezoidal quadrature, which is spectrally accurate over a period."""
         harmonics = coefficients.shape[1] // 2
         order = orders(harmonics)
-        phase = np.multiply.outer(order, np.pi * np.arange(self.points) / self.points)
+        phase = np.multiply.outer(
+            order, np.pi * (np.arange(self.points) + self.offset) / self.points)
         basis = np.concatenate([np.cos(phase), np.sin(phase)])
         rates = np.concatenate([-order[:, None] * np.sin(phase), order[:, None] * np.cos(phase)])
         place = coefficients @ basis
@@ -122,6 +150,16 @@ class OddElement:
         by_frequency = np.einsum("kp,ijp,jp->ik", weights, damping, velocity / frequency)
         return ElementForce(
             self.force(place, velocity) @ weights.T, by_coefficients, by_frequency)
+
+
+def _check_finite(name: str, value: float, dof: int) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} on coordinate {dof} is {value}, but must be a finite number")
+
+
+def _fault_of(name: str, value: float, dof: int) -> str | None:
+    return (f"{name} on coordinate {dof} is {value:g}, but must be at least 0" if value < 0.0
+            else None)
 
 
 def _moving(row: Real) -> Real:

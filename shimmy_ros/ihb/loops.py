@@ -42,7 +42,7 @@ def with_replacement(function: Callable[..., Any], **replaced: Any) -> Callable[
     For what cannot be compiled, an element given as Python functions, in the middle of what can.
     """
     source = cast(Any, function).py_func
-    return FunctionType(source.__code__, {**globals(), **replaced})
+    return FunctionType(source.__code__, {**source.__globals__, **replaced})
 
 
 @compiled
@@ -543,6 +543,37 @@ def eliminate(matrix: Real, right: Real) -> float:
 
 
 @compiled
+def eliminate_all(matrix: Real, right: Real) -> None:
+    """As eliminate, for many right sides (size, columns); NaN or infinite where singular."""
+    size, columns = right.shape
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(k, size):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+            for j in range(columns):
+                right[k, j], right[pivot, j] = right[pivot, j], right[k, j]
+        scale = 1.0 / matrix[k, k]
+        for i in range(k + 1, size):
+            factor = matrix[i, k] * scale
+            for j in range(k + 1, size):
+                matrix[i, j] -= factor * matrix[k, j]
+            for j in range(columns):
+                right[i, j] -= factor * right[k, j]
+    for k in range(size - 1, -1, -1):
+        for i in range(k + 1, size):
+            factor = matrix[k, i]
+            for j in range(columns):
+                right[k, j] -= factor * right[i, j]
+        scale = 1.0 / matrix[k, k]
+        for j in range(columns):
+            right[k, j] *= scale
+
+
+@compiled
 def solved(matrix: Real, right: Real) -> tuple[Real, float]:
     """The solution, and the determinant's sign where it is known by the way, or else 0.
 
@@ -628,6 +659,34 @@ def solve_point(
     return (point, frequency, iterations, error, orientation, ending, everything,
             full_error(mass, damping, stiffness, kept[coulomb], torques, kept[quadratic],
                        coefficients, everything, frequency))
+
+
+@compiled
+def stepped(
+    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
+    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
+    point: Real, frequency: float, phase: int,
+) -> tuple[Real, float]:
+    """One undamped step of Newton's method from ``point`` (m, 2N): the rows (n, 2N) of all
+    coordinates and the frequency; NaN where there is none."""
+    count, width = point.shape
+    unknowns = count * width
+    residual = np.empty((count, width))
+    by_frequency = np.empty((count, width))
+    jacobian = np.empty((count, width, count, width))
+    terms = np.empty(count)
+    sizes = np.empty(unknowns)
+    assemble(mass, damping, stiffness, kept, dropped, coulomb, torques, quadratic, coefficients,
+             point, frequency, residual, jacobian, by_frequency, terms)
+    unknown_sizes(point, frequency, phase, sizes)
+    matrix = jacobian.reshape(unknowns, unknowns) * sizes
+    matrix[:, phase] = by_frequency.reshape(unknowns) * frequency
+    step, _ = solved(matrix, -residual.reshape(unknowns))
+    following = point.reshape(unknowns) + sizes * step
+    following[phase] = point.reshape(unknowns)[phase]
+    frequency = frequency + frequency * step[phase]
+    return recover(mass, damping, stiffness, kept, dropped, following.reshape(count, width),
+                   frequency), frequency
 
 
 @compiled
@@ -800,44 +859,6 @@ def quasi_linear_mode(
 
 
 @compiled
-def propagate(rates: Real, widths: Real, monodromy: Real) -> None:
-    """Carry ``monodromy`` (m, m) through steps of x' = A(t) x, each of a width of its own.
-
-    ``rates`` (steps, 2, m, m) are A at the two Gauss points of each step. The exponential of the
-    fourth-order Magnus exponent is taken by its (2, 3) Pade approximant, of order five, which
-    damps what is too fast to be resolved.
-    """
-    size = monodromy.shape[0]
-    exponent = np.empty((size, size))
-    square = np.empty((size, size))
-    lower = np.empty((size, size))
-    inverse = np.empty((size, size))
-    upper = np.empty((size, size))
-    for step in range(widths.shape[0]):
-        width = widths[step]
-        first, second = rates[step, 0], rates[step, 1]
-        twist = np.sqrt(3.0) / 12.0 * width * width
-        for i in range(size):
-            for j in range(size):
-                exponent[i, j] = 0.5 * width * (first[i, j] + second[i, j])
-        add_product(second, first, twist, exponent)
-        add_product(first, second, -twist, exponent)
-        square[:] = 0.0
-        add_product(exponent, exponent, 1.0, square)
-        for i in range(size):
-            for j in range(size):
-                unit = 1.0 if i == j else 0.0
-                upper[i, j] = unit + 0.4 * exponent[i, j] + 0.05 * square[i, j]
-                lower[i, j] = unit - 0.6 * exponent[i, j] + 0.15 * square[i, j]
-        add_product(square, exponent, -1.0 / 60.0, lower)
-        invert(lower, inverse)
-        square[:] = 0.0
-        add_product(upper, monodromy, 1.0, square)
-        monodromy[:] = 0.0
-        add_product(inverse, square, 1.0, monodromy)
-
-
-@compiled
 def peaks(point: Real, result: Real) -> None:
     """The largest magnitude of each row of ``point`` (n, 2N) over the period, into (n,)."""
     count, width = point.shape
@@ -852,39 +873,3 @@ def peaks(point: Real, result: Real) -> None:
         for v in range(number):
             value, _ = series(x, np.exp(1j * tau[v]))
             result[i] = max(result[i], abs(value))
-
-
-@compiled
-def solve_chain(
-    mass: Real, damping: Real, stiffness: Real, kept: Index, dropped: Index,
-    coulomb: Index, torques: Real, quadratic: Index, coefficients: Real,
-    start: Real, start_frequency: float, orientation: int, phase: int,
-    residual_tolerance: float, step_tolerance: float, largest_step: float,
-    maximum_iterations: int, halvings: int,
-    largest_change_allowed: float, largest_frequency_change: float, check_tolerance: float,
-    amplitudes: Real, frequencies: Real, iterations: Index, residuals: Real,
-) -> tuple[int, Real, float]:
-    """Solve a sequence of systems, each warm-started from the two before it.
-
-    Matrices have shape (P, n, n) and strengths (P, elements). Fills one row a point and stops at
-    the first that does not converge near its guess and on the same side of a fold; returns how
-    many were solved, and the last of them.
-    """
-    point, frequency = start, start_frequency
-    before, before_frequency = start, start_frequency
-    for p in range(damping.shape[0]):
-        guess = point + (point - before) if p > 1 else point.copy()
-        guess_frequency = 2.0 * frequency - before_frequency if p > 1 else frequency
-        found, found_frequency, count, _, sign, ending, everything, error = solve_point(
-            mass[p], damping[p], stiffness[p], kept, dropped, coulomb, torques[p], quadratic,
-            coefficients[p], guess, guess_frequency, phase, residual_tolerance, step_tolerance,
-            largest_step, maximum_iterations, halvings)
-        if (ending != CONVERGED or sign != orientation or not error <= check_tolerance
-                or largest_change(point, found) > largest_change_allowed
-                or abs(found_frequency - frequency) > largest_frequency_change * frequency):
-            return p, point, frequency
-        before, before_frequency = point, frequency
-        point, frequency = found, found_frequency
-        peaks(everything, amplitudes[p])
-        frequencies[p], iterations[p], residuals[p] = frequency, count, error
-    return damping.shape[0], point, frequency

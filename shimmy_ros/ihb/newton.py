@@ -115,9 +115,14 @@ def newton(system: System, start: Point, active: tuple[int, ...], phase: Phase) 
     general = system.general_elements
     solve = _newton_with(general, active) if general else loops.newton
     try:
-        return _convergence(solve(*packed(system, active), *_start(start, phase)))
+        # Overflow is found out by the loop itself.
+        with np.errstate(all="ignore"):
+            return _convergence(solve(*packed(system, active), *_start(start, phase)))
     except np.linalg.LinAlgError:
         return _singular(start)
+    except ArithmeticError:
+        # Python's own numbers, where the loop is not compiled, raise it.
+        return Convergence(False, start, 0, math.nan, 0, _ENDINGS[loops.OVERFLOWED])
 
 
 def solve_point(system: System, start: Point, active: tuple[int, ...], phase: Phase) -> Solved:
@@ -133,8 +138,28 @@ def solve_point(system: System, start: Point, active: tuple[int, ...], phase: Ph
     point = convergence.point
     coefficients = recovered(system, point.coefficients, point.frequency, active)
     everything = tuple(range(system.dofs))
-    residual = balance(system, coefficients, point.frequency, everything).error
+    with np.errstate(all="ignore"):
+        residual = balance(system, coefficients, point.frequency, everything).error
     return Solved(convergence, coefficients, residual)
+
+
+def step_once(system: System, start: Point, active: tuple[int, ...], phase: Phase
+              ) -> tuple[Real, float] | None:
+    """The coefficients (n, 2N) of all coordinates and the frequency [rad/s] after one undamped
+    step from ``start``; None where there is none."""
+    general = system.general_elements
+    step = loops.stepped
+    if general:
+        step = loops.with_replacement(step, assemble=_assemble_with(general, active))
+    try:
+        coefficients, frequency = step(
+            *packed(system, active), np.ascontiguousarray(start.coefficients), start.frequency,
+            phase.position)
+    except np.linalg.LinAlgError:
+        return None
+    if not (frequency > 0.0 and np.all(np.isfinite(coefficients))):
+        return None
+    return coefficients, frequency
 
 
 def _start(start: Point, phase: Phase) -> tuple[Any, ...]:
@@ -154,10 +179,15 @@ def _singular(start: Point) -> Convergence:
 
 def _newton_with(general: tuple[Element, ...], active: tuple[int, ...]) -> Callable[..., Any]:
     """loops.newton, not compiled, with the elements added that cannot be."""
+    return loops.with_replacement(loops.newton, assemble=_assemble_with(general, active))
+
+
+def _assemble_with(general: tuple[Element, ...], active: tuple[int, ...]) -> Callable[..., None]:
+    """loops.assemble with the elements added that cannot be compiled."""
 
     def assemble(*arguments: Any) -> None:
         loops.assemble(*arguments)
         for element in general:
             add_general(element, active, *arguments[9:])
 
-    return loops.with_replacement(loops.newton, assemble=assemble)
+    return assemble

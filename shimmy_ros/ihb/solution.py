@@ -11,11 +11,18 @@ from .harmonics import Real, evaluate, orders, peaks, to_complex, to_real
 
 
 class Outcome(enum.Enum):
-    """How a solve ended; the value is what leaves the program."""
+    """What became of a question for a limit cycle; the value is what leaves the program.
+
+    The balance by itself knows LIMIT_CYCLE, NO_LIMIT_CYCLE and NOT_CONVERGED; what an operating
+    point comes to needs the others as well (see ``cycles.verdict``).
+    """
 
     LIMIT_CYCLE = "limit_cycle"
     NO_LIMIT_CYCLE = "no_limit_cycle"
-    FAILED = "not_converged"
+    UNBOUNDED = "unbounded"
+    NOT_PERIODIC = "not_periodic"
+    NOT_ROLLING = "not_rolling"
+    NOT_CONVERGED = "not_converged"
 
 
 @dataclass(frozen=True)
@@ -24,11 +31,13 @@ class LimitCycle:
 
     ``orientation``, +1 or -1, is the sign of the balance's determinant. It keeps along a branch
     and changes at a fold, which tells the two cycles that meet there apart: +1 is unstable.
+    ``residual`` is that of the balance of all coordinates, relative, where it was asked for.
     """
 
     coefficients: Real
     frequency: float
     orientation: int
+    residual: float = float("nan")
 
     @property
     def harmonics(self) -> int:

@@ -14,7 +14,7 @@ from .describing_function import (
     reference_coordinate,
     with_coulomb_factor,
 )
-from .elements import Coulomb
+from .elements import Coulomb, OddElement, QuadraticDamping
 from .harmonics import shifted, with_harmonics
 from .newton import (
     RESIDUAL_TOLERANCE,
@@ -26,6 +26,7 @@ from .newton import (
     phase_of,
     solve_point,
 )
+from .settling import settled_motions
 from .solution import LimitCycle, Outcome, Result
 from .system import Family, System
 
@@ -44,24 +45,40 @@ def solve_cold(system: System, harmonics: int) -> Result:
 
     The describing function gives the first harmonic. Where it sees no cycle, or the full balance
     does not converge from it, the Coulomb friction is reduced until one is found, and the branch
-    is followed as the friction comes back: to the cycle, or to the fold in which it ends.
+    is followed as the friction comes back: to the cycle, or to the fold in which it ends. Where
+    the describing function does not lead there, motions without friction are integrated until they
+    settle. Raises ValueError for a system with a singular mass or an element of negative strength.
     """
+    system.check()
     if not system.elements:
         return _without(Outcome.NO_LIMIT_CYCLE, 0, False,
                         "no limit cycle: the system is linear")
+    # Numbers out of range are found out where they matter.
+    with np.errstate(all="ignore"):
+        try:
+            return _solve_cold(system, harmonics)
+        except np.linalg.LinAlgError as error:
+            return _without(Outcome.NOT_CONVERGED, 0, False, "did not converge: the matrices are "
+                            f"beyond what can be computed with ({error})")
+
+
+def _solve_cold(system: System, harmonics: int) -> Result:
     iterations = 0
     growth = growing_cycles(system)
     undecided = growth.undecided
+    guesses = list(growth.cycles)
     for guess in growth.cycles:
         result = _from_first_harmonic(system, guess, harmonics)
         iterations += result.iterations
         if result.outcome is Outcome.LIMIT_CYCLE:
             return replace(result, iterations=iterations)
-    if any(isinstance(element, Coulomb) for element in system.elements):
+    rubs = any(isinstance(element, Coulomb) for element in system.elements)
+    if rubs:
         family = _friction_family(system)
         for factor in _FACTORS:
             growth = growing_cycles(system, factor)
             undecided = undecided or growth.undecided
+            guesses = list(growth.cycles)
             for guess in growth.cycles:
                 start = _from_first_harmonic(with_coulomb_factor(system, factor), guess, harmonics)
                 iterations += start.iterations
@@ -69,23 +86,23 @@ def solve_cold(system: System, harmonics: int) -> Result:
                     continue
                 result = follow(family, start.limit_cycle, factor, 1.0)
                 return replace(result, iterations=iterations + result.iterations, warm=False)
-    if iterations:
-        return _without(Outcome.FAILED, iterations, False,
-                        "did not converge: the balance could not be solved from the describing "
-                        "function's cycle")
-    if undecided:
-        return _without(Outcome.FAILED, 0, False, "did not converge: the describing function could "
-                        "not follow a mode that grows from rest")
-    return _without(Outcome.NO_LIMIT_CYCLE, 0, False, "no limit cycle: no oscillation grows from "
-                    "rest to one at which it would stop")
+    if not undecided and not iterations:
+        return _without(Outcome.NO_LIMIT_CYCLE, 0, False, "no limit cycle: no oscillation grows "
+                        "from rest to one at which it would stop")
+    result = _from_settled(system, guesses, harmonics)
+    if result.limit_cycle is not None and rubs:
+        iterations += result.iterations
+        result = follow(family, result.limit_cycle, 0.0, 1.0)
+    return replace(result, iterations=iterations + result.iterations, warm=False)
 
 
 def solve_warm(system: System, start: LimitCycle) -> Result:
     """The limit cycle near ``start``, by Newton's method alone, with its number of harmonics.
 
     Fails, and says so, where Newton's method does not converge, and where it converges to a cycle
-    too far from ``start`` to be of the same branch for certain.
+    too far from ``start`` to be of the same branch for certain. Raises ValueError as solve_cold.
     """
+    system.check()
     if not system.elements:
         return _without(Outcome.NO_LIMIT_CYCLE, 0, True, "no limit cycle: the system is linear")
     active = system.nonlinear_dofs
@@ -96,7 +113,7 @@ def solve_warm(system: System, start: LimitCycle) -> Result:
         return _failed(converged, True)
     if converged.orientation != start.orientation or not _near(
             point, converged.point, LARGEST_WARM_CHANGE, LARGEST_WARM_FREQUENCY_CHANGE):
-        return _without(Outcome.FAILED, converged.iterations, True,
+        return _without(Outcome.NOT_CONVERGED, converged.iterations, True,
                         "did not converge to a cycle near enough to be of the same branch",
                         converged.residual)
     return _checked(solved, True)
@@ -142,7 +159,7 @@ def follow_in_steps(family: Family, start: LimitCycle, parameter: float, target:
                 if not last.converged:
                     return _failed(last, True)
                 if last.orientation != start.orientation:
-                    return _without(Outcome.FAILED, last.iterations, True,
+                    return _without(Outcome.NOT_CONVERGED, last.iterations, True,
                                     "did not converge to a cycle of the same branch",
                                     last.residual)
                 return _checked(solved._replace(convergence=last), True)
@@ -156,8 +173,8 @@ def follow_in_steps(family: Family, start: LimitCycle, parameter: float, target:
                 break
             previous = here
     except ContinuationError as error:
-        return _without(Outcome.FAILED, iterations, True, f"did not converge: {error}")
-    return _without(Outcome.FAILED, iterations, True,
+        return _without(Outcome.NOT_CONVERGED, iterations, True, f"did not converge: {error}")
+    return _without(Outcome.NOT_CONVERGED, iterations, True,
                     f"did not converge: the branch is longer than {_MAXIMUM_BRANCH_POINTS} steps")
 
 
@@ -189,6 +206,37 @@ def _from_first_harmonic(system: System, guess: FirstHarmonic, harmonics: int) -
         ladder = [max(1, ladder[0] // 2), *ladder]
 
 
+def _from_settled(system: System, guesses: list[FirstHarmonic], harmonics: int) -> Result:
+    """Newton's method, without friction, from what motions settle to."""
+    free = with_coulomb_factor(system, 0.0)
+    if not all(isinstance(e, (QuadraticDamping, OddElement)) for e in free.elements):
+        return _without(
+            Outcome.NOT_CONVERGED, 0, False, "did not converge: the describing function does not "
+            "lead to a cycle, and an element is of a kind that is not integrated")
+    result = _without(Outcome.NOT_CONVERGED, 0, False,
+                      "did not converge: no motion that grows from rest settles to a cycle")
+    if not free.elements:
+        return result
+    iterations = 0
+    active = free.nonlinear_dofs
+    for motion in settled_motions(free, guesses, harmonics):
+        guess = LimitCycle(motion.coefficients, motion.frequency, STABLE_ORIENTATION)
+        phase, point = placed(free, guess, active)
+        solved = solve_point(free, point, active, phase)
+        converged = solved.convergence
+        iterations += converged.iterations
+        converged = converged._replace(iterations=iterations)
+        if not converged.converged:
+            result = _failed(converged, False)
+        elif converged.orientation == STABLE_ORIENTATION and _near(
+                point, converged.point, _LARGEST_COLD_CHANGE, _LARGEST_COLD_CHANGE):
+            return _checked(solved._replace(convergence=converged), False)
+        else:
+            result = _failed(converged._replace(
+                message="the balance's cycle is not that of the motion"), False)
+    return result
+
+
 def placed(system: System, start: LimitCycle, active: tuple[int, ...]) -> tuple[Phase, Point]:
     """``start`` shifted in time so that the held coefficient is zero."""
     reference = reference_coordinate(system)
@@ -210,7 +258,7 @@ def _checked(solved: Solved, warm: bool) -> Result:
     """The result, if the balance of every coordinate, eliminated ones included, holds."""
     converged, residual = solved.convergence, solved.residual
     if not residual <= CHECK_TOLERANCE:
-        return _without(Outcome.FAILED, converged.iterations, warm,
+        return _without(Outcome.NOT_CONVERGED, converged.iterations, warm,
                         f"did not converge: the balance is left with a residual of {residual:.1e}",
                         residual)
     cycle = LimitCycle(solved.coefficients, converged.point.frequency, converged.orientation)
@@ -219,7 +267,7 @@ def _checked(solved: Solved, warm: bool) -> Result:
 
 
 def _failed(converged: Convergence, warm: bool) -> Result:
-    return _without(Outcome.FAILED, converged.iterations, warm,
+    return _without(Outcome.NOT_CONVERGED, converged.iterations, warm,
                     f"did not converge: {converged.message}", converged.residual)
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from .elements import Coulomb, Element, QuadraticDamping
 from .harmonics import Real
 
+_LARGEST_CONDITION = 1.0 / np.finfo(np.float64).eps
+
 
 class ClosedForms(NamedTuple):
     """Coordinates and strengths of the elements that have closed forms."""
@@ -27,7 +29,8 @@ class System:
     """One system: matrices of shape (n, n) in any consistent units, and non-linear elements.
 
     The same type holds the derivative of a system by a parameter, since the balance is linear in
-    the matrices and in what an element's strength multiplies.
+    the matrices and in what an element's strength multiplies: ``check`` refuses what is fit for a
+    derivative only.
 
     Raises ValueError for matrices that do not fit together and elements on missing coordinates.
     """
@@ -72,6 +75,16 @@ class System:
         """The coordinates on which an element acts, ascending."""
         return self._kinds.dofs
 
+    def check(self) -> None:
+        """Raises ValueError for a singular mass matrix, and for elements of negative strength."""
+        _inverse_before(self.mass.tobytes(), self.dofs)
+        if self._kinds.fault is not None:
+            raise ValueError(self._kinds.fault)
+
+    @cached_property
+    def inverse_mass(self) -> Real:
+        """The mass matrix's inverse, shape (n, n). Raises ValueError for a singular one."""
+        return _inverse_before(self.mass.tobytes(), self.dofs)
 
     @cached_property
     def _kinds(self) -> _Kinds:
@@ -85,6 +98,7 @@ class _Kinds(NamedTuple):
     closed: ClosedForms
     general: tuple[Element, ...]
     dofs: tuple[int, ...]
+    fault: str | None
 
 
 def _sorted(elements: tuple[Element, ...]) -> _Kinds:
@@ -96,11 +110,34 @@ def _sorted(elements: tuple[Element, ...]) -> _Kinds:
         np.array([e.coefficient for e in quadratic], dtype=np.float64))
     return _Kinds(
         closed, tuple(e for e in elements if not isinstance(e, (Coulomb, QuadraticDamping))),
-        tuple(sorted({dof for element in elements for dof in element.dofs})))
+        tuple(sorted({dof for element in elements for dof in element.dofs})),
+        next((e.fault for e in elements if isinstance(e, (Coulomb, QuadraticDamping)) and e.fault),
+             None))
 
 
 # Systems that follow each other mostly have the same elements.
 _sorted_before = lru_cache(maxsize=256)(_sorted)
+
+
+def _inverse(mass: bytes, count: int) -> Real:
+    matrix = np.frombuffer(mass).reshape(count, count)
+    # Whatever the units of rows and columns.
+    with np.errstate(all="ignore"):
+        rows = np.abs(matrix).max(axis=1)[:, None]
+        columns = np.abs(matrix / rows).max(axis=0)
+        even = matrix / rows / columns
+        regular = np.all(np.isfinite(even)) and np.linalg.cond(even) < _LARGEST_CONDITION
+        inverse = np.asarray(np.linalg.inv(even) / columns[:, None] / rows[:, 0] if regular
+                             else np.full(matrix.shape, np.nan))
+    if not np.all(np.isfinite(inverse)):
+        raise ValueError("mass is singular to rounding, but every coordinate and every combination "
+                         "of coordinates must have inertia")
+    inverse.setflags(write=False)
+    return inverse
+
+
+# The mass is mostly that of the system before.
+_inverse_before = lru_cache(maxsize=64)(_inverse)
 
 
 @dataclass(frozen=True)

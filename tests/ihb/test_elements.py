@@ -1,6 +1,7 @@
 """Closed forms against quadrature, against the paper's own sums, and against differences."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -295,3 +296,22 @@ def test_at_rest_friction_has_no_direction_and_damping_no_force():
     with pytest.raises(ValueError, match="coordinate at rest"):
         Coulomb(0, 1.0).balance(rest, 1.0)
     assert not any(part.any() for part in QuadraticDamping(0, 1.0).balance(rest, 1.0))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(("element", "name"), [
+    (Coulomb, "torque"), (QuadraticDamping, "coefficient")])
+def test_a_strength_that_is_not_finite_is_refused(element, name, value):
+    with pytest.raises(ValueError, match=f"^{name} on coordinate 3 is {value}, but must be a fin"):
+        element(3, value)
+
+
+@pytest.mark.parametrize("offset", [0.25, 0.5, 1.0])
+def test_where_the_points_begin_does_not_matter_to_a_smooth_force(offset):
+    plain = OddElement((0,), lambda q, v: q**2 * v, lambda q, v: (2.0 * q * v)[None],
+                       lambda q, v: (q**2)[None], 64)
+    orbit = np.random.default_rng(3).standard_normal((1, 8))
+    expected = plain.balance(orbit, FREQUENCY)
+    found = replace(plain, offset=offset).balance(orbit, FREQUENCY)
+    for one, other in zip(found, expected, strict=True):
+        assert one == pytest.approx(other, rel=1e-10, abs=1e-10 * np.abs(other).max())

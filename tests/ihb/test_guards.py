@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shimmy_ros.cycles.branches import SHOOTING, Line, Settings, follow
-from shimmy_ros.cycles.growing import growing_cycle
+from shimmy_ros.cycles.branches import Line, follow
 from shimmy_ros.cycles.orbits import converge, shoot
+from shimmy_ros.cycles.settings import SHOOTING, Settings
+from shimmy_ros.cycles.stable_cycle import stable_cycle
 from shimmy_ros.gear.matrices import SWIVEL
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
@@ -201,7 +202,7 @@ def test_no_piece_is_lost_where_the_gears_swivel_begins_to_stick():
     torques = np.array([40.0, 80.0, 90.0, 95.0, 104.0])
     low, high = 30.0, 140.0
     line = Line(family_between(at(low), at(high)))
-    start = growing_cycle(at(80.0), Settings())
+    start = stable_cycle(at(80.0)).orbit
     stops = tuple((torques - low) / (high - low))
     points = [*follow(line, start, (80.0 - low) / (high - low), -1, Settings(), stops)][::-1]
     points += [*follow(line, start, (80.0 - low) / (high - low), 1, Settings(), stops)][1:]

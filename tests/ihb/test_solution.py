@@ -28,7 +28,7 @@ def test_its_motion_repeats_and_its_velocity_is_the_derivative_of_its_position()
 
 
 @pytest.mark.parametrize(("outcome", "cycle"), [
-    (Outcome.LIMIT_CYCLE, None), (Outcome.NO_LIMIT_CYCLE, CYCLE), (Outcome.FAILED, CYCLE)])
+    (Outcome.LIMIT_CYCLE, None), (Outcome.NO_LIMIT_CYCLE, CYCLE), (Outcome.NOT_CONVERGED, CYCLE)])
 def test_a_cycle_belongs_to_one_outcome_alone(outcome, cycle):
     with pytest.raises(ValueError, match="belongs to the outcome LIMIT_CYCLE and to no other"):
         Result(outcome, cycle, 0, 0.0, False, "")
