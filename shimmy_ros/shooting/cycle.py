@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .modes import Model, Real, derivative, mode_of
+from .modes import Model, Real, derivative
 from .trajectory import Phase, Trajectory
 
 
@@ -70,7 +70,7 @@ def cycle_of(model: Model, state: Real, section: int, trajectory: Trajectory) ->
 
 def final_rate(model: Model, trajectory: Trajectory) -> Real:
     """x' at the end of a trajectory, shape (2n,)."""
-    return derivative(model, mode_of(model, trajectory.pieces[-1].signs), trajectory.end)
+    return derivative(model.modes, trajectory.pieces.signs[-1], trajectory.end)
 
 
 def _half_multipliers(model: Model, trajectory: Trajectory,

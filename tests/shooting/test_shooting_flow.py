@@ -29,6 +29,7 @@ def test_the_friction_oscillator_loses_two_torques_in_every_swing_and_then_stick
         [(-1.0)**k * (1.0 - 0.16 * k) for k in range(1, 7)], abs=1e-13)
     assert [phase.stop for phase in motion.phases((0,))[:-1]] == pytest.approx(turns, abs=1e-12)
     assert [phase.directions for phase in motion.phases((0,))] == [(-1,), (1,)] * 3 + [(0,)]
+    assert motion.zeros(1) == pytest.approx(turns[:-1], abs=1e-12)
     assert motion.end[1] == 0.0
     assert motion.peaks() == pytest.approx([1.0], abs=1e-15)
 
@@ -45,7 +46,7 @@ def test_energy_falls_by_friction_times_the_way_it_has_acted_on(state, first, se
     lost = 0.0
     for dof, torque in ((0, first), (1, second)):
         turns = np.concatenate([[0.0], motion.zeros(2 + dof), [8.0]])
-        bounds = [0.0, *(piece.start for piece in motion.pieces), 8.0]
+        bounds = [0.0, *motion.pieces.starts, 8.0]
         path = motion.sample(np.sort(np.concatenate([turns, bounds])))[dof]
         lost += torque * np.abs(np.diff(path)).sum()
     assert energy(motion.end) + lost == pytest.approx(energy(state), rel=1e-12, abs=1e-12)
@@ -152,6 +153,30 @@ def test_unbounded_growth_is_an_error():
     model = model_of(System([[1.0]], [[-0.1]], [[1.0]], (QuadraticDamping(0, -1.0),)))
     with pytest.raises(FlowError, match="grows without bound"):
         advance(model, [0.0, 1.0], 100.0)
+
+
+def test_a_bound_on_the_steps_is_kept_and_an_error_tells_how_many_there_were():
+    motion = advance(two_masses(), [-0.6, 0.7, -1.5, -1.8], 300.0)
+    assert motion.steps >= len(motion.pieces.starts) > 200
+    stops = motion.pieces.starts + motion.pieces.lengths
+    assert motion.pieces.starts[1:] == pytest.approx(stops[:-1], abs=1e-12)
+    with pytest.raises(FlowError, match="more than 50 steps") as caught:
+        advance(two_masses(), [-0.6, 0.7, -1.5, -1.8], 300.0, most_steps=50)
+    assert caught.value.steps == 50
+
+
+def test_two_coordinates_may_turn_and_stick_at_the_same_moment():
+    # Two oscillators that know nothing of each other.
+    pair = model_of(System(np.eye(2), np.zeros((2, 2)), np.eye(2), (
+        Coulomb(0, 0.08), Coulomb(1, 0.08))))
+    motion = advance(pair, [1.0, 1.0, 0.0, 0.0], 30.0, derivatives=True)
+    alone = advance(one_mass(0.08), [1.0, 0.0], 30.0, derivatives=True)
+    assert motion.end == pytest.approx(np.repeat(alone.end, 2), abs=1e-13)
+    assert motion.transition[::2, ::2] == pytest.approx(alone.transition, abs=1e-11)
+    assert motion.transition[1::2, 1::2] == pytest.approx(alone.transition, abs=1e-11)
+    assert motion.transition[::2, 1::2] == pytest.approx(np.zeros((2, 2)), abs=1e-11)
+    assert [phase.directions for phase in motion.phases((0, 1)) if phase.stop - phase.start > 1e-9
+            ] == [(-1, -1), (1, 1)] * 3 + [(0, 0)]
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])

@@ -107,7 +107,29 @@ def test_a_search_that_ends_at_rest_or_nowhere_is_no_cycle():
     assert "grows" in wild.message
 
 
+def test_a_search_counts_its_steps_and_ends_where_they_are_used_up():
+    system, guess = oscillator(0.2, 0.05, 0.1), np.array([0.1, 2.2])
+    found = limit_cycle(system, guess, 6.0)
+    assert found.cycle.trajectory.steps * found.iterations < found.steps < 1000
+    again = limit_cycle(system, guess, 6.0, most_steps=found.steps)
+    assert (again.outcome, again.steps) == (Outcome.LIMIT_CYCLE, found.steps)
+    assert np.array_equal(again.cycle.state, found.cycle.state)
+    for bound in (1, found.steps // 3, found.steps - 1):
+        ended = limit_cycle(system, guess, 6.0, most_steps=bound)
+        assert (ended.outcome, ended.cycle, ended.steps) == (Outcome.FAILED, None, bound)
+        assert f"takes more than {bound} steps" in ended.message
+
+
+def test_a_search_that_gets_nowhere_gives_up_early():
+    # Beyond the fold there is no cycle, and Newton's method wanders.
+    lost = limit_cycle(oscillator(0.2, 0.1, 0.1), np.array([0.0, 1.2]), 6.2)
+    assert lost.outcome is Outcome.FAILED
+    assert lost.residual > 1e-8
+    assert lost.steps < 2000
+
+
 @pytest.mark.parametrize(("arguments", "name"), [
+    ({"most_steps": 0}, "most_steps"),
     ({"guess_state": [0.0, 1.0, 2.0]}, "guess_state"),
     ({"guess_state": [0.0, np.nan]}, "guess_state"),
     ({"guess_period": 0.0}, "guess_period"),

@@ -23,32 +23,31 @@ def product(real: list[float], pairs: list[tuple[float, float]]) -> np.ndarray:
 @given(SEPARATED, PAIRS)
 def test_all_roots_within_the_interval_are_found_and_no_others(real, pairs):
     found = roots(product([-0.5, *real, 1.5], pairs))
-    assert found == pytest.approx(real, abs=1e-6)
+    assert found.tolist() == pytest.approx(real, abs=1e-6)
 
 
 @given(SEPARATED, PAIRS)
 def test_first_descent_is_the_first_root_of_a_polynomial_that_starts_positive(real, pairs):
     coefficients = product(real, pairs)
     first = first_descent(np.sign(coefficients[0]) * coefficients)
-    assert first == (pytest.approx(real[0], abs=1e-6) if real else None)
+    assert first == (pytest.approx(real[0], abs=1e-6) if real else np.inf)
 
 
 @pytest.mark.parametrize(("coefficients", "expected"), [
     ([0.0, 1.0, -4.0], 0.25),
-    ([0.0, 0.0, 1.0], None),
+    ([0.0, 0.0, 1.0], np.inf),
     ([0.0, -1.0, 4.0], 0.0),
     ([-1e-17, 1.0, -2.0], 0.5),
-    ([0.0, 0.0, 0.0], None),
+    ([0.0, 0.0, 0.0], np.inf),
     ([1.0, -1.0], 1.0),
 ])
 def test_first_descent_after_contact(coefficients, expected):
-    assert first_descent(np.array(coefficients)) == (
-        expected if expected is None else pytest.approx(expected, abs=1e-15))
+    assert first_descent(np.array(coefficients)) == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_root_without_change_of_sign_and_one_at_zero_do_not_count():
-    assert roots(product([0.0, 0.3, 0.3], [])) == []
-    assert roots(np.zeros(5)) == []
+    assert roots(product([0.0, 0.75, 0.75], [])).size == 0
+    assert roots(np.zeros(5)).size == 0
 
 
 def test_two_roots_close_together_are_both_found():
