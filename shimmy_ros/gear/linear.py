@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from .matrices import damping_matrix, mass_matrix, stiffness_matrix
 from .parameters import Damper, Gear, Range
@@ -103,6 +102,9 @@ def crossings(gear: Gear, damper: Damper, low: float, high: float) -> list[Cross
 
     def growth(velocity: float) -> float:
         return float(linear_modes(gear, damper, velocity).growth_rate[0])
+
+    # Whoever only asks for modes need not import it.
+    from scipy.optimize import brentq
 
     found = []
     for left, right in _sign_changes(growth, low, high):

@@ -45,6 +45,12 @@ def geometry(gear: Gear) -> Geometry:
                     gear.trail + gear.wheel_radius * sine, cosine, sine)
 
 
+def deflection_row(gear: Gear) -> Matrix:
+    """The lateral deflection lambda [m] of the tyre as a row (4,) over the coordinates."""
+    place = geometry(gear)
+    return np.array([-place.height, -place.ground_trail, 0.0, 1.0])
+
+
 def mass_matrix(gear: Gear) -> Matrix:
     """M, shape (4, 4), SI; the row of the rolling law has unit mass, as in eq. (30)."""
     coupling = gear.wheel_mass * gear.trunnion_to_axle * gear.trail
@@ -95,7 +101,7 @@ def velocity_parts(gear: Gear) -> VelocityParts:
     place = geometry(gear)
     gyroscopic = gear.wheel_polar_inertia / gear.wheel_radius
     torsion = gear.tyre_torsional_stiffness
-    deflection = np.array([-place.height, -place.ground_trail, 0.0, 1.0])
+    deflection = deflection_row(gear)
     heading = np.array([-place.sine, place.cosine, 0.0, 0.0])
     tilt = np.array([place.cosine, place.sine, 0.0, 0.0])
     standing = (gear.tyre_lateral_stiffness * np.outer(deflection, deflection)

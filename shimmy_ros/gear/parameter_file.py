@@ -1,15 +1,15 @@
-"""The one parameter file format: a ROS 2 params YAML with the groups ``gear`` and ``damper``."""
+"""The one parameter file format: a ROS 2 params YAML, groups ``gear``, ``damper``, ``limits``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from ..resources import resource_directory
-from .parameters import Damper, Gear, ParameterError, from_mapping
+from .parameters import Damper, Gear, Limits, ParameterError, from_mapping
 
 REFERENCE_GEAR = "reference_gear.yaml"
 
@@ -28,7 +28,22 @@ def load_parameters(*files: Path | str) -> tuple[Gear, Damper]:
     Raises ParameterError for an unreadable file and for anything in ``gear`` or ``damper`` that
     is unknown, missing or out of range.
     """
-    groups: dict[str, dict[str, object]] = {"gear": {}, "damper": {}}
+    groups = _groups(files)
+    return from_mapping(Gear, groups["gear"]), from_mapping(Damper, groups["damper"])
+
+
+def load_limits(*files: Path | str) -> Limits:
+    """The model's limits from the same files; what none of them names has its default.
+
+    Raises ParameterError as load_parameters.
+    """
+    default = Limits()
+    return from_mapping(Limits, vars(default) | _groups(files)["limits"])
+
+
+def _groups(files: Iterable[Path | str]) -> dict[str, dict[str, object]]:
+    """The values of each group in ``files``, later ones before earlier ones."""
+    groups: dict[str, dict[str, object]] = {"gear": {}, "damper": {}, "limits": {}}
     for file in files:
         try:
             content = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
@@ -43,9 +58,9 @@ def load_parameters(*files: Path | str) -> tuple[Gear, Damper]:
                     values.update(_group(file, group, parameters[group]))
         if not found:
             raise ParameterError(
-                f"parameter file {file} has no ros__parameters with a gear or damper group"
+                f"parameter file {file} has no ros__parameters with a gear, damper or limits group"
             )
-    return from_mapping(Gear, groups["gear"]), from_mapping(Damper, groups["damper"])
+    return groups
 
 
 def _ros_parameters(content: object) -> list[Mapping[str, Any]]:

@@ -1,4 +1,4 @@
-"""The gear's and the damper's physical parameters: names, units, ranges and checks."""
+"""The gear's and the damper's physical parameters, and the model's limits: names, units, checks."""
 
 from __future__ import annotations
 
@@ -41,6 +41,9 @@ class Range:
         return number
 
 
+HALF_TURN = math.pi
+"""An angle [rad] of swivel, tilt or damper beyond which nothing is left of the linear model."""
+
 # Of what has to be positive. Quotients of far smaller numbers leave floating-point range.
 SMALLEST_POSITIVE = 1e-6
 
@@ -55,6 +58,11 @@ def _positive(unit: str, meaning: str, high: float) -> Any:
 
 def _non_negative(unit: str, meaning: str, high: float) -> Any:
     return _parameter(Range(unit, meaning, 0.0, high))
+
+
+def _limit(default: float, unit: str, meaning: str, high: float) -> Any:
+    return field(default=default,
+                 metadata={"range": Range(unit, meaning, SMALLEST_POSITIVE, high)})
 
 
 @dataclass(frozen=True)
@@ -106,7 +114,20 @@ class Damper:
         _check_fields(self, "damper")
 
 
-Parameters = TypeVar("Parameters", Gear, Damper)
+@dataclass(frozen=True)
+class Limits:
+    """How far the gear may move for the model's linear geometry and tyre to describe it."""
+
+    swivel: float = _limit(0.5, "rad", "largest swivel angle", HALF_TURN)
+    strut_tilt: float = _limit(0.2, "rad", "largest strut tilt", HALF_TURN)
+    tyre_deflection: float = _limit(
+        0.3, "1", "largest lateral deflection of the tyre, in radii of the wheel", 10.0)
+
+    def __post_init__(self) -> None:
+        _check_fields(self, "limits")
+
+
+Parameters = TypeVar("Parameters", Gear, Damper, Limits)
 
 VELOCITY_RANGE = Range("m/s", "taxi velocity", 0.0, 200.0)
 # Below this the tyre creeps rather than rolls, and the rolling law of eq. (30) does not hold.
@@ -115,7 +136,7 @@ MINIMUM_VELOCITY_RANGE = Range("m/s", "velocity below which the tyre is taken no
 DEFAULT_MINIMUM_VELOCITY = 1.0
 
 
-def ranges(kind: type[Gear] | type[Damper]) -> dict[str, Range]:
+def ranges(kind: type[Gear] | type[Damper] | type[Limits]) -> dict[str, Range]:
     """Every parameter of ``kind`` with its range, by its name in the parameter file."""
     return {item.name: item.metadata["range"] for item in fields(kind)}
 
@@ -144,7 +165,7 @@ def changed(parameters: Parameters, **values: float) -> Parameters:
     return replace(parameters, **values)
 
 
-def _check_fields(parameters: Gear | Damper, group: str) -> None:
+def _check_fields(parameters: Gear | Damper | Limits, group: str) -> None:
     for name, range_ in ranges(type(parameters)).items():
         object.__setattr__(parameters, name,
                            range_.check(f"{group}.{name}", getattr(parameters, name)))

@@ -25,6 +25,7 @@ class OperatingPoint:
     velocity: float
 
 
+@lru_cache(maxsize=16)
 def gear_system(point: OperatingPoint) -> System:
     """The system at an operating point, coordinates (strut tilt, swivel, damper, tyre lateral).
 

@@ -1,7 +1,7 @@
 import pytest
 
-from shimmy_ros.gear.parameter_file import load_parameters, reference_parameters
-from shimmy_ros.gear.parameters import Damper, ParameterError, changed
+from shimmy_ros.gear.parameter_file import load_limits, load_parameters, reference_parameters
+from shimmy_ros.gear.parameters import Damper, Limits, ParameterError, changed
 from shimmy_ros.resources import resource_directory
 
 REFERENCE = resource_directory("config") / "reference_gear.yaml"
@@ -54,9 +54,44 @@ def test_a_nodes_params_file_is_read_as_it_is(tmp_path):
                                                  changed(DAMPER, coulomb_torque=7.0))
 
 
+def test_limits_are_read_from_the_same_files(tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    for folder in (first, second):
+        folder.mkdir()
+    files = [REFERENCE,
+             write(first, "/**: {ros__parameters: {limits: {swivel: 0.3, strut_tilt: 0.1}}}"),
+             write(second, "predictor: {ros__parameters: {limits: {swivel: 1}, harmonics: 4}}")]
+    assert load_limits(*files) == Limits(swivel=1.0, strut_tilt=0.1)
+    assert load_parameters(*files) == (GEAR, DAMPER)
+
+
+@pytest.mark.parametrize("files", [[], [REFERENCE]])
+def test_limits_that_no_file_names_have_their_defaults(files):
+    assert load_limits(*files) == Limits()
+
+
+@pytest.mark.parametrize(("text", "reason"), [
+    ("/**: {ros__parameters: {limits: 3}}", "limits in parameter file .* is 3, but must map"),
+    ("/**: {ros__parameters: {limits: {tilt: 0.1}}}", r"limits\.tilt is not a parameter"),
+    ("/**: {ros__parameters: {limits: {swivel: 0}}}", r"limits\.swivel is 0, but must be in"),
+    ("/**: {ros__parameters: {limits: {tyre_deflection: .inf}}}",
+     r"limits\.tyre_deflection is inf"),
+])
+def test_what_is_wrong_with_limits_is_said_in_one_line(tmp_path, text, reason):
+    with pytest.raises(ParameterError, match=reason) as refusal:
+        load_limits(REFERENCE, write(tmp_path, text))
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_documented_limits_are_the_defaults():
+    text = REFERENCE.read_text(encoding="utf-8")
+    for name, value in vars(Limits()).items():
+        assert f"    #   {name}: {value:g} " in text
+
+
 @pytest.mark.parametrize(("text", "reason"), [
     ("a: [1", "cannot be read"),
-    ("", "has no ros__parameters with a gear or damper group"),
+    ("", "has no ros__parameters with a gear, damper or limits group"),
     ("- 1\n- 2", "has no ros__parameters"),
     ("gear: {trail: 0.1}", "has no ros__parameters"),
     ("/**: {ros__parameters: {harmonics: 4}}", "has no ros__parameters"),

@@ -10,6 +10,7 @@ from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import (
     Damper,
     Gear,
+    Limits,
     ParameterError,
     Range,
     changed,
@@ -18,7 +19,7 @@ from shimmy_ros.gear.parameters import (
 )
 
 GEAR, DAMPER = reference_parameters()
-KINDS = {"gear": (Gear, GEAR), "damper": (Damper, DAMPER)}
+KINDS = {"gear": (Gear, GEAR), "damper": (Damper, DAMPER), "limits": (Limits, Limits())}
 NAMES = [(group, item.name) for group, (kind, _) in KINDS.items() for item in fields(kind)]
 
 
@@ -30,6 +31,19 @@ def test_names_are_those_of_the_parameter_file():
         "tyre_torsional_stiffness", "rolling_alpha", "rolling_beta", "rolling_gamma"]
     assert [name for group, name in NAMES if group == "damper"] == [
         "linear_damping", "quadratic_damping", "coulomb_torque"]
+    assert [name for group, name in NAMES if group == "limits"] == [
+        "swivel", "strut_tilt", "tyre_deflection"]
+
+
+def test_the_limits_have_defaults():
+    assert asdict(Limits()) == {"swivel": 0.5, "strut_tilt": 0.2, "tyre_deflection": 0.3}
+
+
+@pytest.mark.parametrize("name", ["swivel", "strut_tilt", "tyre_deflection"])
+@pytest.mark.parametrize("bad", [0.0, -0.1, 10.1])
+def test_a_limit_is_positive_and_no_licence(name, bad):
+    with pytest.raises(ParameterError, match=rf"limits\.{name} is .*, but must be in \[1e-06, "):
+        changed(Limits(), **{name: bad})
 
 
 @pytest.mark.parametrize(("group", "name"), NAMES)
