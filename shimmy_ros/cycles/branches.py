@@ -8,7 +8,6 @@ it leaves the line, closes, shrinks to nothing, or grows without bound.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +15,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint, family_between
 from ..ihb import continuation as balance_continuation
 from ..ihb.arclength import ContinuationError
@@ -27,9 +25,8 @@ from ..ihb.system import Family, System
 from ..shooting import continuation as shooting_continuation
 from ..shooting.cycle import Cycle
 from .orbits import (
-    BALANCE,
-    SHOOTING,
     Orbit,
+    accepted,
     aligned,
     balance_near,
     balance_orbit,
@@ -37,21 +34,16 @@ from .orbits import (
     shoot,
     shooting_orbit,
 )
+from .settings import AUTO, BALANCE, SHOOTING, Settings
 
-__all__ = ["AUTO", "BALANCE", "BEYOND_GEAR", "LARGEST_SWIVEL", "METHODS", "SHOOTING", "BranchPoint",
-           "ContinuationError", "Line", "Settings", "carry", "follow"]
+__all__ = ["LARGEST_SWIVEL", "BranchPoint", "ContinuationError", "Line", "carry", "follow"]
 
 Real = NDArray[np.float64]
 
-AUTO = "auto"
-METHODS = (AUTO, BALANCE, SHOOTING)
-DEFAULT_ACCURACY = 0.01
 # A branch ends where the swivel is smaller than this part of its largest amplitude on the branch,
 # and where it is larger than this many radians.
 SMALLEST_PART = 1e-3
 LARGEST_SWIVEL = 1e3
-# Beyond this amplitude [rad] the equations have cycles and no gear has: the balance will do.
-BEYOND_GEAR = math.pi
 
 _FIRST_STEP = 0.05
 _LARGEST_SHOOTING_STEP = 0.15
@@ -60,35 +52,6 @@ _MOST_POINTS = 2000
 _BEYOND = 1e-9
 # How far outside its neighbours a cycle between them may be and still be of their branch.
 _NEAR = 0.05
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How to follow a branch.
-
-    ``harmonics`` N of the balance; ``accuracy``, the estimated relative error up to which it is
-    trusted; ``method``, one of METHODS: AUTO changes to shooting where the balance is not to be
-    trusted, the others stay with one method. Raises ParameterError.
-    """
-
-    harmonics: int = 4
-    accuracy: float = DEFAULT_ACCURACY
-    method: str = AUTO
-
-    def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise ParameterError(f"method is {self.method!r}, but must be one of "
-                                 f"{', '.join(METHODS)}")
-        if not 0.0 < self.accuracy < 1.0:
-            raise ParameterError(f"accuracy is {self.accuracy:g}, but must be between 0 and 1")
-
-    def accepts(self, orbit: Orbit) -> bool:
-        """Whether ``orbit`` is of the right method and as accurate as asked for."""
-        if orbit.method == SHOOTING:
-            return self.method != BALANCE
-        trusted = not orbit.sticks and (
-            orbit.error <= self.accuracy or orbit.swivel > BEYOND_GEAR)
-        return self.method == BALANCE or (self.method == AUTO and trusted)
 
 
 @dataclass(frozen=True)
@@ -183,11 +146,11 @@ def carry(start: Orbit, origin: OperatingPoint, target: OperatingPoint, settings
 
 def _accepted(system: System, orbit: Orbit, settings: Settings) -> Orbit:
     """``orbit``, or its counterpart by a method that the settings accept."""
-    if settings.accepts(orbit):
+    if accepted(orbit, settings):
         return orbit
     if settings.method != SHOOTING:
         balanced = balance_near(system, orbit, settings.harmonics)
-        if balanced is not None and settings.accepts(balanced):
+        if balanced is not None and accepted(balanced, settings):
             return balanced
     shot = None if settings.method == BALANCE else shoot(system, *orbit.initial_state())
     if shot is None or not shot.same_as(orbit, 1e-3):
@@ -205,7 +168,7 @@ def _steps(line: Line, here: BranchPoint, settings: Settings) -> Iterator[Branch
     while True:
         if settings.method == BALANCE or (settings.method == AUTO and not here.orbit.sticks):
             balanced = balance_near(line.system(here.position), here.orbit, settings.harmonics)
-            if balanced is not None and settings.accepts(balanced):
+            if balanced is not None and accepted(balanced, settings):
                 for there in _balance_steps(line, here, balanced, settings):
                     yield there
                     here = there
@@ -220,7 +183,7 @@ def _steps(line: Line, here: BranchPoint, settings: Settings) -> Iterator[Branch
 def _balance_steps(line: Line, here: BranchPoint, start: Orbit, settings: Settings
                    ) -> Iterator[BranchPoint]:
     """Points of the balance after ``start``, as long as the settings accept them."""
-    cycle = start.source
+    orbit, cycle = start, start.source
     assert isinstance(cycle, LimitCycle)
     phase, point = placed(line.system(here.position), cycle, line.active)
     try:
@@ -232,10 +195,15 @@ def _balance_steps(line: Line, here: BranchPoint, start: Orbit, settings: Settin
             system = line.system(found.parameter)
             coefficients = recovered(system, found.point.coefficients, found.point.frequency,
                                      line.active)
-            orbit = balance_orbit(
-                system, LimitCycle(coefficients, found.point.frequency, found.orientation))
-            if not settings.accepts(orbit):
-                return
+            cycle = LimitCycle(coefficients, found.point.frequency, found.orientation)
+            if 0.0 <= found.parameter <= 1.0:
+                orbit = balance_orbit(system, cycle)
+                if not accepted(orbit, settings):
+                    return
+            else:
+                # Beyond the line no gear is meant: this only encloses the end, which is next.
+                orbit = replace(orbit, amplitude=cycle.amplitude(),
+                                frequency_hz=cycle.frequency_hz, source=cycle)
             yield _branch_point(found.parameter, orbit, found.slope, found.is_fold,
                                 found.iterations)
     except ContinuationError:
@@ -324,7 +292,7 @@ def _at(line: Line, position: float, here: Orbit, there: Orbit, settings: Settin
         cycle = converge(system, guess, frequency)
         if cycle is not None and cycle.orientation in (first.orientation, last.orientation):
             orbit = balance_orbit(system, cycle)
-            if settings.accepts(orbit) and _between(orbit, here, there):
+            if accepted(orbit, settings) and _between(orbit, here, there):
                 return orbit
     if settings.method == BALANCE:
         return None

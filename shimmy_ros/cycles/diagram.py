@@ -1,4 +1,4 @@
-"""The limit cycles over one parameter: all branches within a range, or the stable ones alone."""
+"""The limit cycles over one parameter: what each value comes to, and the branches of cycles."""
 
 from __future__ import annotations
 
@@ -9,21 +9,18 @@ from itertools import pairwise
 from ..gear.axes import Axis
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint, family_between
-from .branches import (
-    LARGEST_SWIVEL,
-    BranchPoint,
-    ContinuationError,
-    Line,
-    Settings,
-    follow,
-)
-from .growing import growing_cycle
+from .branches import LARGEST_SWIVEL, BranchPoint, ContinuationError, Line, follow
 from .limit_cycles import all_cycles
 from .one_harmonic import one_harmonic_cycles
 from .orbits import Orbit
+from .settings import Settings
+from .stable_cycle import stable_cycle
+from .verdict import Verdict, excesses
 
 # Behind a fold, a branch with a larger multiplier than this leads away from stable cycles.
 _UNSTABLE_FOR_GOOD = 1.5
+# Two cycles at one value are the same within this, apart from their errors.
+_SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,8 @@ class DiagramPoint:
     """A cycle of branch number ``branch`` at a ``value`` of the parameter.
 
     ``order`` counts along the branch, also downwards from where it was found. ``is_fold`` marks a
-    fold; ``on_grid`` a point at one of the values asked for, other than the start again.
+    fold; ``on_grid`` a point at one of the values asked for, other than the start again;
+    ``beyond_limits`` names what passes the model's limits.
     """
 
     branch: int
@@ -40,14 +38,15 @@ class DiagramPoint:
     orbit: Orbit
     is_fold: bool
     on_grid: bool
+    beyond_limits: tuple[str, ...] = ()
 
 
 class Diagram:
-    """Branches over the ``values`` of one parameter, as far as they have been traced.
+    """What the ``values`` of one parameter come to, and branches over them as far as traced.
 
-    ``points`` grow while `trace_all` or `trace_stable` runs. ``losses`` are sentences about
-    branches that were lost and values at which a search did not converge; ``undecided`` are the
-    numbers of those values.
+    ``verdicts``, by the number of their value, grow while `judge` runs, and ``points`` while
+    `trace_all` or `trace_stable` does. ``losses`` are sentences about branches that were lost and
+    values at which a solve did not converge.
     """
 
     def __init__(self, point: OperatingPoint, axis: Axis, values: Sequence[float],
@@ -58,8 +57,9 @@ class Diagram:
         self.axis, self.settings = axis, settings
         self.values = tuple(float(value) for value in values)
         self.points: list[DiagramPoint] = []
+        self.verdicts: dict[int, Verdict] = {}
         self.losses: list[str] = []
-        self.undecided: set[int] = set()
+        self._base = point
         low, high = self.values[0], self.values[-1]
         # The ends first: they are what a user named.
         ends = [axis.at(point, value) for value in (low, high)]
@@ -82,6 +82,30 @@ class Diagram:
         """The stable ones of `cycles`."""
         return [point for point in self.cycles(index) if point.orbit.stable]
 
+    def verdict(self, index: int) -> Verdict:
+        """What value number ``index`` comes to, from its nearest neighbour that is known."""
+        if index not in self.verdicts:
+            near = min(self.verdicts, key=lambda known: abs(known - index), default=None)
+            start = None if near is None else self.verdicts[near]
+            found = self.verdicts[index] = stable_cycle(self._grid[index], self.settings, start)
+            if found.failed:
+                self._lose(index, found.reason)
+        return self.verdicts[index]
+
+    def judge(self) -> Iterator[Verdict]:
+        """What every value comes to, in ascending order."""
+        for index in range(len(self._grid)):
+            yield self.verdict(index)
+
+    def stable_orbits(self, index: int) -> list[Orbit]:
+        """The stable cycles known at value number ``index``, each once, the verdict's first."""
+        verdict = self.verdicts.get(index)
+        found: list[Orbit] = [] if verdict is None else list(verdict.stable_cycles)
+        for point in self.stable(index):
+            if not any(point.orbit.same_as(other, _SAME) for other in found):
+                found.append(point.orbit)
+        return found
+
     def trace_all(self) -> Iterator[DiagramPoint]:
         """Every branch that the search finds, through its folds, as its points come."""
         for index in self._seeds():
@@ -96,15 +120,15 @@ class Diagram:
             unseen = max(0, len(guesses) - len(self.cycles(index)))
 
     def trace_stable(self) -> Iterator[DiagramPoint]:
-        """Every branch of stable cycles that the search finds, up to its folds."""
+        """Every branch of stable cycles, up to its folds, through the verdicts that are known.
+
+        Where there is none, and no branch either, there will be one.
+        """
         for index in dict.fromkeys((*self._seeds(), *range(len(self._grid)))):
-            if not self.stable(index):
-                yield from self._search_growing(index)
-        for index in range(len(self._grid)):
-            if not self.stable(index) and any(
-                    point.orbit.stable is None for point in self.cycles(index)):
-                self._lose(index, "the balance cannot tell stability where the swivel sticks")
-                self.undecided.add(index)
+            if index in self.verdicts or not self.stable(index):
+                for orbit in self.verdict(index).stable_cycles:
+                    if not any(orbit.same_as(point.orbit, _SAME) for point in self.stable(index)):
+                        yield from self.trace(index, orbit, only_to_fold=True)
 
     def trace(self, index: int, start: Orbit, only_to_fold: bool = False
               ) -> Iterator[DiagramPoint]:
@@ -155,25 +179,18 @@ class Diagram:
             return
         for orbit in found:
             if orbit.swivel < LARGEST_SWIVEL and not any(
-                    orbit.same_as(item.orbit, 1e-3) for item in self.cycles(index)):
+                    orbit.same_as(item.orbit, _SAME) for item in self.cycles(index)):
                 yield from self.trace(index, orbit)
-
-    def _search_growing(self, index: int) -> Iterator[DiagramPoint]:
-        try:
-            growing = growing_cycle(self._grid[index], self.settings)
-        except ContinuationError as error:
-            self._lose(index, error)
-            self.undecided.add(index)
-            return
-        if growing is not None and growing.stable is not False:
-            yield from self.trace(index, growing, only_to_fold=True)
 
     def _point(self, branch: int, order: int, there: BranchPoint, closing: bool) -> DiagramPoint:
         index = self._index.get(there.position)
         low, high = self.values[0], self.values[-1]
         value = low + there.position * (high - low) if index is None else self.values[index]
+        operating = self.axis.at(self._base, value) if index is None else self._grid[index]
+        beyond = excesses(operating, there.orbit, self.settings.limits)
         return DiagramPoint(branch, order, value, there.orbit, there.is_fold,
-                            index is not None and not closing)
+                            index is not None and not closing,
+                            tuple(excess.quantity for excess in beyond))
 
     def _lose(self, index: int, reason: object) -> None:
         self.losses.append(f"{self.axis.name} {self.values[index]:g}: {reason}")

@@ -24,8 +24,9 @@ from ..ihb.folds import Plane, track_fold
 from ..ihb.newton import Point
 from ..ihb.solution import LimitCycle
 from ..ihb.solve import placed
-from .branches import BALANCE, ContinuationError, Line, Settings, carry, follow
+from .branches import ContinuationError, Line, carry, follow
 from .orbits import Orbit, balance_orbit
+from .settings import BALANCE, Settings
 
 Real = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ product of the two alone. As it grows, cycles meet in folds and vanish. A gear i
 from a product at which one harmonic knows all its cycles, up through the folds and back down: with
 more friction, and, where its own product is smaller, from there with less friction or, for cycles
 whose size is set by the friction, with less quadratic damping. What does not hang together with
-these branches is looked for from the one-harmonic cycles at the point itself, and where motions
-settle.
+these branches is looked for from the one-harmonic cycles at the point itself, and from the stable
+cycles that are known.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ..shooting.cycle import Cycle
 from ..simulation.simulation import ANGLE_LIMIT
 from .one_harmonic import OneHarmonicCycle, fold_torques, one_harmonic_cycles
 from .orbits import Orbit, balance_orbit, converge, shoot, shooting_orbit
-from .settling import SettlingError, settled_orbit
+from .stable_cycle import stable_cycle
 
 Real = NDArray[np.float64]
 
@@ -75,16 +75,18 @@ class FoundCycle:
         return _beyond_gear(self.orbit.amplitude)
 
 
-def all_cycles(point: OperatingPoint) -> list[FoundCycle]:
+def all_cycles(point: OperatingPoint, stable: Sequence[Orbit] | None = None) -> list[FoundCycle]:
     """Every odd limit cycle that can be found at ``point``, by ascending swivel amplitude.
 
+    ``stable`` are the stable ones that are known, by default those of stable_cycle(); all of them
+    will be among the ones found.
     Cycles that are not odd, x(t + T/2) = -x(t), are not looked for. Unstable ones outside all
     stable ones, where the damper locks and the equations are stiff, are from harmonic balance, and
     only those near one that one harmonic knows. Raises ContinuationError where a branch could not
     be followed to its end: cycles may then be missing.
     """
     search = _Search(point)
-    search.run()
+    search.run(stable_cycle(point).stable_cycles if stable is None else stable)
     system = gear_system(point)
     orbits = sorted(search.found, key=lambda orbit: orbit.swivel)
     found: list[FoundCycle] = []
@@ -116,8 +118,8 @@ class _Search:
         self._point = point
         self.found: list[Orbit] = []
 
-    def run(self) -> None:
-        """Find all cycles."""
+    def run(self, stable: Sequence[Orbit]) -> None:
+        """Find all cycles, those that are known to be ``stable`` included."""
         point = self._point
         if point.damper.coulomb_torque > 0.0:
             curbed = point if point.damper.quadratic_damping > 0.0 else _with_damping(point, 1.0)
@@ -128,14 +130,9 @@ class _Search:
             orbit = _near_guess(point, guess, self.found)
             if orbit is not None and self._add(orbit) and not _outer(orbit, self.found):
                 self._from_here(orbit)
-        if point.damper.coulomb_torque > 0.0 and point.damper.quadratic_damping > 0.0:
-            try:
-                settled = settled_orbit(point)
-            except SettlingError:
-                # It has more than one frequency, or none of its own: that is no cycle.
-                settled = None
-            if settled is not None and self._add(settled):
-                self._from_here(settled)
+        for orbit in _by_shooting(point, stable):
+            if self._add(orbit) and isinstance(orbit.source, Cycle):
+                self._from_here(orbit)
 
     def _through_folds(self, curbed: OperatingPoint, fold: float) -> None:
         """Follow all cycles with a friction of half of ``fold``, that of the lowest fold, up."""
@@ -220,6 +217,17 @@ class _Search:
             return False
         self.found.append(orbit)
         return True
+
+
+def _by_shooting(point: OperatingPoint, stable: Sequence[Orbit]) -> list[Orbit]:
+    """The same cycles, exact where shooting confirms them."""
+    found = []
+    for orbit in stable:
+        shot = None
+        if not isinstance(orbit.source, Cycle):
+            shot = shoot(gear_system(point), *orbit.initial_state())
+        found.append(shot if shot is not None and shot.stable and shot.same_as(orbit) else orbit)
+    return found
 
 
 def _last(family: Family, start: Orbit, parameter: float, direction: int, scale: float,

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ..gear.axes import VELOCITY, Axis
 from ..gear.system import OperatingPoint, gear_system
 from ..ihb.harmonics import with_harmonics
-from .branches import BALANCE, SHOOTING, Settings
 from .diagram import Diagram, DiagramPoint
 from .limit_cycles import Role, all_cycles
 from .one_harmonic import one_harmonic_cycles
 from .orbits import Orbit, balance_orbit, converge, fourier
+from .settings import BALANCE, SHOOTING, Settings
 
 Real = NDArray[np.float64]
 

@@ -7,29 +7,36 @@ costs more.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ..gear.matrices import SWIVEL
+from ..gear.parameters import HALF_TURN
 from ..ihb.accuracy import estimate_error
-from ..ihb.balance import balance, recovered
-from ..ihb.harmonics import shifted, to_complex
-from ..ihb.newton import STABLE_ORIENTATION, newton
+from ..ihb.harmonics import Complex, shifted, to_complex
+from ..ihb.newton import STABLE_ORIENTATION, solve_point
 from ..ihb.solution import LimitCycle
-from ..ihb.solve import placed
+from ..ihb.solve import CHECK_TOLERANCE, placed
 from ..ihb.stability import StickingError, stability
 from ..ihb.system import System
 from ..shooting.cycle import Cycle
 from ..shooting.flow import FlowError
-from ..shooting.periodic import Outcome, limit_cycle
+from ..shooting.periodic import MOST_SEARCH_STEPS, Outcome, limit_cycle
+from .budget import SERIES_STEPS, Budget
+from .settings import AUTO, BALANCE, DEFAULT_BUDGET, SHOOTING, Settings
 
 Real = NDArray[np.float64]
 
-BALANCE, SHOOTING = "ihb", "shooting"
+SERIES_HARMONICS = 64
 _SAMPLES = 1024
+# What is asked of multipliers: fewest steps in half a period, and relative error.
+_STEPS, _TOLERANCE = 8, 1e-3
+# Multipliers closer to 1 are looked at twice.
+_MARGIN = 2e-3
 
 
 @dataclass(frozen=True)
@@ -43,8 +50,7 @@ class Orbit:
     multiplier : largest modulus of the full period's Floquet multipliers, the one of a shift in
         time apart; NaN where unknown
     sticks : whether the swivel is held by friction for part of the cycle
-    error : estimated relative error of amplitudes and frequency; that of shooting is how far the
-        orbit is from closing
+    estimate : gives ``error`` when it is asked for the first time
     harmonics : N of the balance, 0 of shooting
     source : what the method found
     """
@@ -55,9 +61,38 @@ class Orbit:
     stable: bool | None
     multiplier: float
     sticks: bool
-    error: float
+    estimate: Callable[[], float]
     harmonics: int
     source: LimitCycle | Cycle
+
+    @cached_property
+    def error(self) -> float:
+        """Estimated relative error of amplitudes and frequency.
+
+        That of shooting is how far the orbit is from closing.
+        """
+        return self.estimate()
+
+    @property
+    def residual(self) -> float:
+        """The relative residual of the balance, or by how much shooting's orbit does not close."""
+        return self.source.residual if isinstance(self.source, LimitCycle) else self.error
+
+    @cached_property
+    def series(self) -> LimitCycle:
+        """The orbit as a Fourier series; that of shooting's has SERIES_HARMONICS harmonics."""
+        if isinstance(self.source, LimitCycle):
+            return self.source
+        cycle = LimitCycle(fourier(self, SERIES_HARMONICS), 2.0 * np.pi * self.frequency_hz,
+                           STABLE_ORIENTATION)
+        return LimitCycle(aligned(cycle), cycle.frequency, cycle.orientation)
+
+    def peak_velocity(self) -> Real:
+        """Peak of |dq/dt| of each coordinate, shape (4,); rad/s, rad/s, rad/s, m/s."""
+        if isinstance(self.source, LimitCycle):
+            return self.source.peak_velocity()
+        states = self.source.sample(np.linspace(0.0, 0.5 * self.source.period, 2 * _SAMPLES))
+        return np.asarray(np.abs(states[len(states) // 2:]).max(axis=1))
 
     @property
     def swivel(self) -> float:
@@ -69,6 +104,9 @@ class Orbit:
         cycle = self.source
         if isinstance(cycle, Cycle):
             return cycle.state, cycle.period
+        # Whoever only follows a verdict need not import it.
+        from scipy.optimize import brentq
+
         times = np.linspace(0.0, cycle.period, _SAMPLES + 1)
         swivel = cycle.position(times)[SWIVEL]
         before = int(np.flatnonzero((swivel[:-1] < 0.0) & (swivel[1:] >= 0.0))[0])
@@ -89,34 +127,73 @@ class Orbit:
             and abs(self.frequency_hz - other.frequency_hz) <= allowed * other.frequency_hz)
 
 
+def accepted(orbit: Orbit, settings: Settings) -> bool:
+    """Whether ``orbit`` is of the right method and as accurate as the settings ask for."""
+    if orbit.method == SHOOTING:
+        return settings.method != BALANCE
+    if settings.method != AUTO:
+        return settings.method == BALANCE
+    # Beyond half a turn the equations have cycles and no gear has: the balance will do.
+    return not orbit.sticks and (orbit.error <= settings.accuracy or orbit.swivel > HALF_TURN)
+
+
 def balance_orbit(system: System, cycle: LimitCycle) -> Orbit:
     """The orbit that the balance found, with its stability and its error estimated."""
-    error = estimate_error(system, cycle).largest
+    def error() -> float:
+        return estimate_error(system, cycle).largest
+
     try:
-        floquet = stability(system, cycle)
+        floquet = stability(system, cycle, _STEPS, _TOLERANCE)
     except StickingError:
         return Orbit(BALANCE, cycle.amplitude(), cycle.frequency_hz, None, float("nan"), True,
                      error, cycle.harmonics, cycle)
-    multiplier = float(np.max(np.abs(floquet.full_period), initial=0.0))
-    # The determinant changes sign exactly in the fold, the multiplier passes 1 nearby.
-    stable = (cycle.orientation == STABLE_ORIENTATION
-              and multiplier < 1.0 + 2.0 * floquet.shift_error)
-    return Orbit(BALANCE, cycle.amplitude(), cycle.frequency_hz, stable, multiplier, False, error,
-                 cycle.harmonics, cycle)
+    multipliers = floquet.full_period
+    multiplier = float(np.max(np.abs(multipliers), initial=0.0))
+    return Orbit(BALANCE, cycle.amplitude(), cycle.frequency_hz,
+                 _stable(cycle, floquet.reliable, multipliers, floquet.shift_error), multiplier,
+                 False, error, cycle.harmonics, cycle)
+
+
+def _stable(cycle: LimitCycle, reliable: bool, multipliers: Complex, shift_error: float
+            ) -> bool | None:
+    """Whether the full period's ``multipliers`` are those of a stable cycle; None in doubt."""
+    if cycle.orientation != STABLE_ORIENTATION:
+        return False
+    if not reliable:
+        return None
+    sizes = np.abs(multipliers)
+    if np.all(sizes < 1.0 - _MARGIN):
+        return True
+    if np.any(sizes >= 1.0 + 2.0 * shift_error):
+        return False
+    # In a fold the determinant changes sign exactly where a cycle becomes unstable; what the
+    # multipliers say near 1 is as good as that of the shift in time.
+    largest = multipliers[np.argmax(sizes)]
+    return True if largest.real > 0.0 and abs(largest.imag) <= _MARGIN else None
 
 
 def shooting_orbit(cycle: Cycle, residual: float) -> Orbit:
     """The orbit that shooting found, closing up to a relative ``residual``."""
     return Orbit(SHOOTING, cycle.amplitude, float(cycle.frequency / (2.0 * np.pi)), cycle.stable,
-                 float(np.abs(cycle.multipliers).max()), cycle.sticks, residual, 0, cycle)
+                 float(np.abs(cycle.multipliers).max()), cycle.sticks, lambda: residual, 0, cycle)
 
 
-def shoot(system: System, state: Real, period: float) -> Orbit | None:
-    """The cycle near the motion from ``state`` (8,) with ``period`` [s], by shooting, or None."""
+def shoot(system: System, state: Real, period: float, budget: Budget | None = None
+          ) -> Orbit | None:
+    """The cycle near the motion from ``state`` (8,) with ``period`` [s], by shooting, or None.
+
+    Raises BudgetError.
+    """
+    budget = budget or Budget.of(DEFAULT_BUDGET)
+    most_steps = min(MOST_SEARCH_STEPS, budget.series)
     try:
-        result = limit_cycle(system, state, period)
-    except FlowError:
+        result = limit_cycle(system, state, period, most_steps=most_steps)
+    except (FlowError, ValueError):
+        # Numbers at the ends of floating point make no model either.
         return None
+    # A search that the budget has cut short is none.
+    cut = result.cycle is None and result.steps >= most_steps < MOST_SEARCH_STEPS
+    budget.spend(budget.left + 1 if cut else SERIES_STEPS * result.steps)
     if result.outcome is not Outcome.LIMIT_CYCLE or result.cycle is None:
         return None
     return shooting_orbit(result.cycle, result.residual)
@@ -125,20 +202,18 @@ def shoot(system: System, state: Real, period: float) -> Orbit | None:
 def converge(system: System, coefficients: Real, frequency: float) -> LimitCycle | None:
     """The balance's cycle near ``coefficients`` (4, 2N) and ``frequency`` [rad/s], or None."""
     active = system.nonlinear_dofs
-    guess = LimitCycle(coefficients, frequency, 0)
-    phase, point = placed(system, guess, active)
+    if not active:
+        return None
+    phase, point = placed(system, LimitCycle(coefficients, frequency, 0), active)
     try:
-        found = newton(system, point, active, phase)
+        found = solve_point(system, point, active, phase)
     except (ValueError, np.linalg.LinAlgError):
         # The iterates came to rest, or to a resonance without damping.
         return None
-    if not found.converged:
+    if not (found.convergence.converged and found.residual <= CHECK_TOLERANCE):
         return None
-    every = recovered(system, found.point.coefficients, found.point.frequency, active)
-    full = balance(system, every, found.point.frequency, tuple(range(system.dofs)))
-    if not full.error <= 1e-9:
-        return None
-    return LimitCycle(every, found.point.frequency, found.orientation)
+    return LimitCycle(found.coefficients, found.convergence.point.frequency,
+                      found.convergence.orientation, found.residual)
 
 
 def balance_near(system: System, orbit: Orbit, harmonics: int) -> Orbit | None:

@@ -1,4 +1,4 @@
-"""How large a disturbance starts shimmy: a kick of the swivel, or its release from an angle.
+"""How large a disturbance does not die: a kick of the swivel, or its release from an angle.
 
 Under Coulomb friction small motion dies, and the trigger cycle lies between it and shimmy. What a
 rig can apply is measured by simulation: disturbances of growing size until one starts shimmy, and
@@ -17,9 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..gear.linear import linear_modes
 from ..gear.matrices import DAMPER, STRUT_TILT, SWIVEL, TYRE_LATERAL, stiffness_matrix
 from ..gear.parameters import MINIMUM_VELOCITY_RANGE
 from ..gear.system import OperatingPoint
+from ..ihb.solution import Outcome
 from ..simulation.rolling_state import (
     DAMPER_RATE,
     STATES,
@@ -32,6 +34,8 @@ from ..simulation.rolling_state import (
 from ..simulation.simulation import ANGLE_LIMIT, KICK_RANGE, Simulation, SimulationError
 from .limit_cycles import FoundCycle, Role, all_cycles, rest_is_stable
 from .orbits import Orbit
+from .stable_cycle import stable_cycle
+from .verdict import Verdict
 
 Real = NDArray[np.float64]
 
@@ -42,6 +46,7 @@ _REFINEMENT = 8
 _DEEPEST = 3
 # The scan of kicks begins at this part of the rate with which the trigger cycle passes zero.
 _SMALLEST_KICK = 0.2
+_LEAST_KICK = 1e-4
 # At the limit of sticking itself, rounding would release and hold the swivel in turns.
 _ABOVE_STICKING = 1.000001
 _SAMPLES = 64
@@ -59,29 +64,42 @@ class Start(enum.Enum):
     NOTHING = "nothing"
 
 
-class Threshold(NamedTuple):
-    """The smallest disturbance found that ``starts`` shimmy, and a smaller one that ``dies``.
+class Leads(enum.Enum):
+    """What a disturbance that does not die leads to.
 
-    They differ by less than 1e-4 of either.
+    GROWTH is motion that leaves the range of the model, where no stable cycle is beyond it.
+    """
+
+    CYCLE = "limit_cycle"
+    NOT_PERIODIC = "not_periodic"
+    GROWTH = "growth"
+
+
+class Threshold(NamedTuple):
+    """The smallest disturbance found that does not die, ``starts``, and a smaller one that
+    ``dies``; and what the former ``leads_to``.
+
+    They differ by less than 1e-4 of either, but for a kick without a trigger cycle.
     """
 
     dies: float
     starts: float
+    leads_to: Leads
 
 
 @dataclass(frozen=True)
 class Trigger:
-    """How shimmy starts at an operating point.
+    """How shimmy, or growth without bound, starts at an operating point.
 
     start : DISTURBANCE, if one of a certain size is needed; ANYTHING, where rest is unstable; or
-        NOTHING, where there is no shimmy
-    cycle : the trigger cycle
+        NOTHING, where every disturbance dies
+    cycle : the trigger cycle, if there is one
     kick : change of the swivel rate [rad/s] of the gear at rest
     release_angle : swivel angle [rad] from which the gear is released, after having been held
         there with all other coordinates in static equilibrium
     message : the same in a sentence
 
-    A threshold is None where no disturbance within the model's range starts shimmy.
+    A threshold is None where every disturbance within the model's range dies.
     """
 
     start: Start
@@ -102,37 +120,71 @@ class _Fate(enum.Enum):
 
 
 class _Motion(NamedTuple):
-    """What became of a motion, and for how long [s] the swivel moved."""
+    """What became of a motion, for how long [s] the swivel moved, and what it led to."""
 
     fate: _Fate
     life: float
+    leads_to: Leads = Leads.CYCLE
 
 
-def trigger(point: OperatingPoint, cycles: Sequence[FoundCycle] | None = None) -> Trigger:
-    """The trigger at ``point``; ``cycles`` are all cycles there, if they are known.
+_STARTED = {Outcome.LIMIT_CYCLE: "shimmy", Outcome.UNBOUNDED: "growth without bound",
+            Outcome.NOT_PERIODIC: "motion that is not periodic"}
+_NOTHING = "no trigger: there is no shimmy within the gear's range"
+
+
+def trigger(point: OperatingPoint, cycles: Sequence[FoundCycle] | None = None,
+            verdict: Verdict | None = None) -> Trigger:
+    """The trigger at ``point``; ``cycles`` are all cycles there and ``verdict`` is that of
+    stable_cycle(), if they are known.
 
     Raises ContinuationError as all_cycles, and TriggerError.
     """
-    if cycles is None:
-        cycles = all_cycles(point)
-    within = [found for found in cycles if not found.beyond_gear]
+    if verdict is None:
+        verdict = stable_cycle(point)
     if not rest_is_stable(point):
+        grows = {Outcome.UNBOUNDED: " without bound", Outcome.LIMIT_CYCLE: " to the limit cycle"}
         return Trigger(Start.ANYTHING, None, None, None,
-                       "no trigger: rest is unstable, and any disturbance grows")
-    cycle = next((found for found in within if found.role is Role.TRIGGER), None)
-    if cycle is None:
-        return Trigger(Start.NOTHING, None, None, None,
-                       "no trigger: there is no shimmy within the gear's range")
-    follower = _Follower(point, [found.orbit for found in within])
-    kick = _smallest(lambda size: follower.follow(_kicked(size)), 0.0,
-                     _SMALLEST_KICK * _passing_rate(cycle.orbit), KICK_RANGE.high, follower.window)
+                       "no trigger: rest is unstable, and any disturbance grows"
+                       f"{grows.get(verdict.outcome, '')}")
+    if cycles is None:
+        cycles = all_cycles(point, verdict.stable_cycles)
+    cycle = next((found for found in cycles
+                  if found.role is Role.TRIGGER and not found.beyond_gear), None)
+    what = _STARTED.get(verdict.outcome)
+    if cycle is None and what is None:
+        if verdict.failed:
+            raise TriggerError(verdict.reason)
+        return Trigger(Start.NOTHING, None, None, None, _NOTHING)
+    if cycle is None and verdict.outcome is not Outcome.UNBOUNDED:
+        return _without_cycle(verdict)
+    if cycle is not None:
+        first = _SMALLEST_KICK * _passing_rate(cycle.orbit)
+    else:
+        first = _SMALLEST_KICK * verdict.kick.dies if verdict.kick else 0.0
+    follower = _Follower(point, cycles, verdict)
+    kick = _smallest(lambda size: follower.follow(_kicked(size)), 0.0, max(first, _LEAST_KICK),
+                     KICK_RANGE.high, follower.window)
     shape, stiffness = held_shape(point)
     reach = ANGLE_LIMIT / float(np.abs(shape[:DAMPER + 1]).max())
     # Friction alone holds the swivel up to there.
     least = point.damper.coulomb_torque / abs(stiffness) if stiffness else math.inf
     release = _smallest(lambda size: follower.follow(size * shape), least, _ABOVE_STICKING * least,
                         reach, follower.window)
-    return Trigger(Start.DISTURBANCE, cycle, kick, release, _sentence(kick, release))
+    if what is None and kick is None and release is None:
+        return Trigger(Start.NOTHING, None, None, None, _NOTHING)
+    return Trigger(Start.DISTURBANCE, cycle, kick, release, _sentence(
+        what or "motion that does not die", kick, release) + _growing_kick(verdict))
+
+
+def _without_cycle(verdict: Verdict) -> Trigger:
+    """What the verdict itself knows, where the cycle on the border of rest was not found."""
+    if verdict.kick is None:
+        raise TriggerError("the cycle between rest and shimmy was not found")
+    leads = Leads.CYCLE if verdict.outcome is Outcome.LIMIT_CYCLE else Leads.NOT_PERIODIC
+    kick = Threshold(verdict.kick.dies, verdict.kick.grows, leads)
+    return Trigger(Start.DISTURBANCE, None, kick, None,
+                   f"{_STARTED[verdict.outcome]} is started by {_by_kick(kick)}; the cycle between "
+                   f"rest and shimmy was not found{_growing_kick(verdict)}")
 
 
 def held_shape(point: OperatingPoint) -> tuple[Real, float]:
@@ -190,19 +242,29 @@ class _Held:
 class _Follower:
     """Follows motions of one gear until it is certain what becomes of them."""
 
-    def __init__(self, point: OperatingPoint, orbits: Sequence[Orbit]) -> None:
+    def __init__(self, point: OperatingPoint, cycles: Sequence[FoundCycle], verdict: Verdict
+                 ) -> None:
         self._point = point
         self._held = _Held(point)
-        self._sizes = np.log([orbit.swivel for orbit in orbits])
-        self._stable = [bool(orbit.stable) for orbit in orbits]
-        self.window = max(1.0 / orbit.frequency_hz for orbit in orbits)
+        within = [found.orbit for found in cycles if not found.beyond_gear]
+        sizes = [orbit.swivel for orbit in within]
+        self._leads: list[Leads | None] = [Leads.CYCLE if orbit.stable else None
+                                           for orbit in within]
+        if verdict.envelope is not None:
+            sizes.append(float(verdict.envelope[SWIVEL]))
+            self._leads.append(Leads.NOT_PERIODIC)
+        self._sizes = np.log(sizes)
+        self._beyond = Leads.CYCLE if any(
+            found.role is Role.STABLE and found.beyond_gear for found in cycles) else Leads.GROWTH
+        self.window = max((1.0 / orbit.frequency_hz for orbit in within), default=float(
+            1.0 / linear_modes(point.gear, point.damper, point.velocity).frequency_hz[0]))
 
     def follow(self, state: Real) -> _Motion:
         """The fate of the motion from ``state``.
 
-        It dies where friction holds the swivel for good, and starts where its amplitude has stayed
-        nearer to a stable cycle's than to an unstable one's, or, where no cycle is stable, where
-        it leaves the range of the model.
+        It dies where friction holds the swivel for good, starts shimmy where its amplitude has
+        stayed nearer to a stable cycle's than to an unstable one's, and may leave the range of the
+        model.
         """
         point = self._point
         simulation = Simulation(point.gear, point.damper, point.velocity, tolerance=_TOLERANCE,
@@ -214,7 +276,7 @@ class _Follower:
             try:
                 swivel = simulation.advance(float(times[-1]), times).position[:, SWIVEL]
             except SimulationError:
-                return _Motion(_Fate.LEAVES if any(self._stable) else _Fate.STARTS, math.inf)
+                return _Motion(_Fate.LEAVES, math.inf, self._beyond)
             moving = np.flatnonzero(np.diff(swivel))
             if moving.size:
                 life = float(times[moving[-1]])
@@ -222,19 +284,22 @@ class _Follower:
                     simulation.sticking and self._held.for_good(simulation.state)):
                 return _Motion(_Fate.DIES, life)
             size = 0.5 * float(swivel.max() - swivel.min())
-            if moving.size and self._stable[
-                    int(np.argmin(np.abs(self._sizes - math.log(size))))]:
-                near += 1
-            else:
-                near = 0
-            if near == _PERIODS_OF_SHIMMY:
-                return _Motion(_Fate.STARTS, math.inf)
+            leads = self._nearest(size) if moving.size else None
+            near = 0 if leads is None else near + 1
+            if leads is not None and near == _PERIODS_OF_SHIMMY:
+                return _Motion(_Fate.STARTS, math.inf, leads)
         raise TriggerError(f"a motion has neither died nor grown after {life:g} s")
+
+    def _nearest(self, size: float) -> Leads | None:
+        """What motion of this amplitude is nearest to, None for an unstable cycle or nothing."""
+        if not self._leads:
+            return None
+        return self._leads[int(np.argmin(np.abs(self._sizes - math.log(size))))]
 
 
 def _smallest(follow: Callable[[float], _Motion], floor: float, first: float, last: float,
               period: float) -> Threshold | None:
-    """The smallest disturbance that starts shimmy, of those from ``first`` to ``last``.
+    """The smallest disturbance that does not die, of those from ``first`` to ``last``.
 
     At ``floor``, below the first, motion dies for certain.
     """
@@ -251,24 +316,26 @@ def _smallest(follow: Callable[[float], _Motion], floor: float, first: float, la
         return None
     early = _hidden(follow, sizes, motions, period, 0)
     if early is not None:
-        below, above = early
-    elif motions[-1].fate is _Fate.STARTS:
-        above = sizes[-1]
-        below = sizes[-2] if len(sizes) > 1 else floor
-    else:
+        below, above, leads = early
+    elif motions[-1].fate is _Fate.DIES:
         return None
+    else:
+        above, leads = sizes[-1], motions[-1].leads_to
+        below = sizes[-2] if len(sizes) > 1 else floor
     while above - below > _BISECTION * above:
         middle = 0.5 * (below + above)
-        if follow(middle).fate is _Fate.DIES:
+        motion = follow(middle)
+        if motion.fate is _Fate.DIES:
             below = middle
         else:
-            above = middle
-    return Threshold(below, above)
+            above, leads = middle, motion.leads_to
+    return Threshold(below, above, leads)
 
 
 def _hidden(follow: Callable[[float], _Motion], sizes: list[float], motions: list[_Motion],
-            period: float, depth: int) -> tuple[float, float] | None:
-    """Neighbours of which the larger starts shimmy, around a motion that dies late, or None."""
+            period: float, depth: int) -> tuple[float, float, Leads] | None:
+    """Neighbours of which the larger does not die, and what it leads to, around a motion that
+    dies late, or None."""
     lives = [motion.life for motion in motions]
     for index in range(1, len(sizes) - 1):
         if depth == _DEEPEST or not lives[index] > max(lives[index - 1], lives[index + 1]) + period:
@@ -276,8 +343,8 @@ def _hidden(follow: Callable[[float], _Motion], sizes: list[float], motions: lis
         finer = np.linspace(sizes[index - 1], sizes[index + 1], 2 * _REFINEMENT + 1).tolist()
         found = [follow(size) for size in finer]
         for place, motion in enumerate(found):
-            if motion.fate is _Fate.STARTS:
-                return finer[place - 1], finer[place]
+            if motion.fate is not _Fate.DIES:
+                return finer[place - 1], finer[place], motion.leads_to
         deeper = _hidden(follow, finer, found, period, depth + 1)
         if deeper is not None:
             return deeper
@@ -289,8 +356,28 @@ def _passing_rate(orbit: Orbit) -> float:
     return float(orbit.initial_state()[0][len(orbit.amplitude) + SWIVEL])
 
 
-def _sentence(kick: Threshold | None, release: Threshold | None) -> str:
-    by_kick = "no kick" if kick is None else f"a kick of {kick.starts:.4g} rad/s"
+def _growing_kick(verdict: Verdict) -> str:
+    if verdict.kick is None or verdict.kick.unbounded is None:
+        return ""
+    return f"; a kick of {verdict.kick.unbounded:.4g} rad/s grows without bound"
+
+
+_BEYOND_RANGE = " (the motion leaves the range of the model)"
+
+
+def _by_kick(kick: Threshold | None) -> str:
+    if kick is None:
+        return "no kick of the swivel"
+    return f"a kick of {kick.starts:.4g} rad/s of the swivel"
+
+
+def _sentence(what: str, kick: Threshold | None, release: Threshold | None) -> str:
     by_release = ("no release" if release is None
                   else f"a release from {release.starts:.4g} rad")
-    return f"shimmy is started by {by_kick} of the swivel and by {by_release}"
+    by_kick = _by_kick(kick)
+    if kick is not None and kick.leads_to is Leads.GROWTH:
+        by_kick += _BEYOND_RANGE
+    if release is not None and release.leads_to is Leads.GROWTH:
+        by_release += _BEYOND_RANGE
+    shimmies = "" if what != _STARTED[Outcome.UNBOUNDED] else "nothing shimmies, but "
+    return f"{shimmies}{what} is started by {by_kick} and by {by_release}"

@@ -7,13 +7,15 @@ import pytest
 
 from shimmy_ros.cycles import fold_curve as fold_curve_module
 from shimmy_ros.cycles.amplitude_map import AmplitudeMap
-from shimmy_ros.cycles.branches import BALANCE, ContinuationError, Line, Settings, follow
+from shimmy_ros.cycles.branches import ContinuationError, Line, follow
 from shimmy_ros.cycles.fold_curve import FoldPoint, Window, fold_curve
-from shimmy_ros.cycles.growing import growing_cycle
+from shimmy_ros.cycles.settings import BALANCE, Settings
+from shimmy_ros.cycles.stable_cycle import stable_cycle
 from shimmy_ros.gear.axes import VELOCITY, Axis
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import Damper
 from shimmy_ros.gear.system import OperatingPoint, family_between
+from shimmy_ros.ihb.solution import Outcome
 
 GEAR, _ = reference_parameters()
 FRICTION, DAMPING = Axis("damper.coulomb_torque"), Axis("damper.quadratic_damping")
@@ -27,7 +29,7 @@ def fold_along(axis, point, high, settings):
     """The fold from ``point`` on along ``axis``, and the last stable cycle a bit before it."""
     low = axis.value(point)
     line = Line(family_between(point, axis.at(point, high)))
-    start = growing_cycle(point, settings)
+    start = stable_cycle(point, settings).orbit
     stable = []
     for item in follow(line, start, 0.0, 1, settings):
         value = low + item.position * (high - low)
@@ -103,7 +105,7 @@ def test_a_map_has_cycles_inside_its_folds_alone(long_steps):
     shimmy = AmplitudeMap(point_at(40.0), Axis(VELOCITY), FRICTION, velocities, frictions,
                           Settings())
     assert len(list(shimmy.fill())) == 3
-    found = [[shimmy.stable(row, column) is not None for column in range(3)] for row in range(3)]
+    found = [[node.outcome is Outcome.LIMIT_CYCLE for node in row] for row in shimmy.rows]
     assert found == [[True, True, True], [False, False, True], [False, False, False]]
     folds = list(shimmy.trace_folds())
     (line,) = shimmy.curves
@@ -140,6 +142,6 @@ def test_a_curve_ends_in_a_cusp_where_it_meets_another():
     # Beyond it the branch passes without a fold.
     beyond = point_at(last.second + 0.01, torque=9.0)
     line = Line(family_between(beyond, FRICTION.at(beyond, 16.0)))
-    points = list(follow(line, growing_cycle(beyond, Settings()), 0.0, 1, Settings()))
+    points = list(follow(line, stable_cycle(beyond).orbit, 0.0, 1, Settings()))
     assert points[-1].position == 1.0
     assert not any(point.is_fold for point in points)

@@ -7,11 +7,25 @@ import numpy as np
 import pytest
 
 from shimmy_ros.cycles.limit_cycles import Role
-from shimmy_ros.cycles.trigger import Start, _Fate, _Held, _Motion, _smallest, held_shape, trigger
+from shimmy_ros.cycles.settings import Settings
+from shimmy_ros.cycles.stable_cycle import stable_cycle
+from shimmy_ros.cycles.trigger import (
+    Leads,
+    Start,
+    TriggerError,
+    _Fate,
+    _Held,
+    _Motion,
+    _smallest,
+    held_shape,
+    trigger,
+)
+from shimmy_ros.cycles.verdict import Kick, Verdict
 from shimmy_ros.gear.matrices import SWIVEL, stiffness_matrix
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.parameters import changed
 from shimmy_ros.gear.system import OperatingPoint, gear_system
+from shimmy_ros.ihb.solution import Outcome
 from shimmy_ros.shooting.flow import advance
 from shimmy_ros.shooting.modes import model_of
 from shimmy_ros.simulation.rolling_state import SWIVEL_RATE, rolling_model
@@ -43,7 +57,8 @@ def test_the_smallest_kick_of_the_reference_gear():
     found = trigger_of(REFERENCE)
     assert found.start is Start.DISTURBANCE
     assert found.cycle.role is Role.TRIGGER
-    dies, starts = found.kick
+    dies, starts, leads_to = found.kick
+    assert leads_to is found.release_angle.leads_to is Leads.CYCLE
     # By bisection with exact integration.
     assert dies < 0.504818 * (1.0 + 1e-4)
     assert starts > 0.504818 * (1.0 - 1e-4)
@@ -95,8 +110,50 @@ def test_no_trigger_is_an_answer(point, start, word):
     assert word in found.message
 
 
-def test_cycles_that_are_known_are_not_sought_again():
-    assert trigger(REFERENCE, []).start is Start.NOTHING
+def verdict(point, outcome, **values):
+    return Verdict(point, Settings(), outcome, **values)
+
+
+def test_what_is_known_is_not_sought_again():
+    assert trigger(REFERENCE, [], verdict(REFERENCE, Outcome.NO_LIMIT_CYCLE)).start is (
+        Start.NOTHING)
+    with pytest.raises(TriggerError, match="as told"):
+        trigger(REFERENCE, [], verdict(REFERENCE, Outcome.NOT_CONVERGED, reason="as told"))
+
+
+def test_without_the_trigger_cycle_the_kick_is_the_verdicts():
+    orbit = stable_cycle(REFERENCE).orbit
+    known = verdict(REFERENCE, Outcome.LIMIT_CYCLE, orbit=orbit, kick=Kick(0.5, 0.51, 90.0))
+    found = trigger(REFERENCE, [], known)
+    assert found.start is Start.DISTURBANCE
+    assert found.kick == (0.5, 0.51, Leads.CYCLE)
+    assert found.cycle is found.release_angle is None
+    assert "the cycle between rest and shimmy was not found" in found.message
+    assert found.message.endswith("a kick of 90 rad/s grows without bound")
+    with pytest.raises(TriggerError, match="the cycle between rest and shimmy was not found"):
+        trigger(REFERENCE, [], verdict(REFERENCE, Outcome.LIMIT_CYCLE, orbit=orbit))
+
+
+def test_growth_without_bound_is_started_by_a_disturbance_as_well():
+    """Without quadratic damping nothing shimmies, and kicks that do not die grow for ever."""
+    point = at(40.0, 0.0, 20.0)
+    unbounded = verdict(point, Outcome.UNBOUNDED)
+    found = trigger(point, None, unbounded)
+    assert found.start is Start.DISTURBANCE
+    assert found.cycle.role is Role.TRIGGER
+    assert found.kick.leads_to is found.release_angle.leads_to is Leads.GROWTH
+    assert found.message.startswith(
+        "nothing shimmies, but growth without bound is started by a kick of 0.4815 rad/s")
+    assert "leaves the range of the model" in found.message
+    # The same without a cycle to tell from.
+    known = verdict(point, Outcome.UNBOUNDED, kick=Kick(0.4, 0.6))
+    again = trigger(point, [], known)
+    assert again.cycle is None
+    assert again.kick.starts == pytest.approx(found.kick.starts, rel=2e-4)
+    assert again.kick.leads_to is Leads.GROWTH
+    grows = verdict(at(40.0, 0.0, 0.0), Outcome.UNBOUNDED)
+    assert trigger(grows.point, None, grows).message.endswith(
+        "rest is unstable, and any disturbance grows without bound")
 
 
 def test_friction_that_is_said_to_hold_the_swivel_does():
@@ -150,5 +207,18 @@ def test_a_first_disturbance_that_starts_shimmy_is_not_the_smallest():
 def test_nothing_within_the_range_is_an_answer():
     assert _smallest(with_starting((200.0, 300.0)), 0.0, 1.0, 100.0, 10.0) is None
     assert _smallest(with_starting((200.0, 300.0)), 0.0, 101.0, 100.0, 10.0) is None
-    assert _smallest(lambda size: _Motion(_Fate.LEAVES if size > 5.0 else _Fate.DIES, 0.0),
-                     0.0, 1.0, 100.0, 1.0) is None
+
+
+def test_a_disturbance_that_leaves_the_range_does_not_die():
+    def follow(size):
+        return (_Motion(_Fate.LEAVES, math.inf, Leads.GROWTH) if size > 5.0
+                else _Motion(_Fate.DIES, 0.0))
+
+    found = _smallest(follow, 0.0, 1.0, 100.0, 1.0)
+    assert found.dies <= 5.0 < found.starts < 5.0006
+    assert found.leads_to is Leads.GROWTH
+    # Smaller ones that start shimmy come first.
+    found = _smallest(lambda size: _Motion(_Fate.STARTS, math.inf) if 2.0 < size < 3.0
+                      else follow(size), 0.0, 1.0, 100.0, 1.0)
+    assert found.starts == pytest.approx(2.0, rel=2e-4)
+    assert found.leads_to is Leads.CYCLE
