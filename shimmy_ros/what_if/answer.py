@@ -7,12 +7,15 @@ from collections.abc import Iterable
 
 from ..cycles.limit_cycles import FoundCycle
 from ..cycles.orbits import Orbit
-from ..cycles.prediction import Prediction
+from ..cycles.settings import Settings
 from ..cycles.trigger import Threshold, Trigger
+from ..cycles.verdict import Excess, Verdict, excesses
 from ..gear.matrices import NAMES
+from ..gear.system import OperatingPoint
+from ..ihb.solution import Outcome
 from .reply import Json
 
-NOT_CONVERGED = "not_converged"
+NOT_CONVERGED = Outcome.NOT_CONVERGED.value
 
 
 def number(value: float | None) -> float | None:
@@ -25,24 +28,39 @@ def by_joint(values: Iterable[float]) -> dict[str, float | None]:
     return {name: number(value) for name, value in zip(NAMES, values, strict=True)}
 
 
-def of_prediction(prediction: Prediction, error: float | None) -> Json:
-    """A prediction, with the estimated relative error of its amplitudes and frequency."""
-    cycle = prediction.limit_cycle
+def of_verdict(verdict: Verdict) -> Json:
+    """What an operating point comes to, the cycle's numbers null without one."""
+    orbit, kick = verdict.orbit, verdict.kick
     return {
-        "outcome": prediction.outcome,
-        "amplitude": None if cycle is None else by_joint(cycle.amplitude()),
-        "peak_velocity": None if cycle is None else by_joint(cycle.peak_velocity()),
-        "frequency": None if cycle is None else cycle.frequency_hz,
-        "error": number(error),
-        "method": "ihb",
-        "harmonics": prediction.harmonics,
-        "iterations": prediction.iterations,
-        "residual": number(prediction.residual),
-        "message": prediction.message,
+        "outcome": verdict.outcome.value,
+        "amplitude": None if orbit is None else by_joint(orbit.amplitude),
+        "peak_velocity": None if orbit is None else by_joint(verdict.peak_velocity),
+        "frequency": None if orbit is None else orbit.frequency_hz,
+        "error": None if orbit is None else number(orbit.error),
+        "method": None if orbit is None else orbit.method,
+        "harmonics": None if orbit is None else orbit.harmonics or None,
+        "multiplier": None if orbit is None else number(orbit.multiplier),
+        "sticks": None if orbit is None else orbit.sticks,
+        "envelope": None if verdict.envelope is None else by_joint(verdict.envelope),
+        "beyond_limits": beyond_limits(verdict.excesses),
+        "further_stable_cycles": [
+            {"amplitude": by_joint(further.amplitude), "frequency": further.frequency_hz,
+             "error": number(further.error)} for further in verdict.further],
+        "rest_is_stable": verdict.rest_is_stable,
+        "kick": None if kick is None else {
+            "dies": kick.dies, "grows": kick.grows, "unbounded": kick.unbounded},
+        "residual": number(verdict.residual),
+        "message": verdict.message,
     }
 
 
-def of_orbit(orbit: Orbit) -> Json:
+def beyond_limits(found: Iterable[Excess]) -> list[Json]:
+    """What passes the limits of the model, and by how much."""
+    return [{"quantity": excess.quantity, "value": excess.value, "limit": excess.limit}
+            for excess in found]
+
+
+def of_orbit(point: OperatingPoint, orbit: Orbit, settings: Settings) -> Json:
     """A cycle with its stability; ``multiplier`` is the largest modulus of Floquet's."""
     return {
         "amplitude": by_joint(orbit.amplitude),
@@ -50,22 +68,24 @@ def of_orbit(orbit: Orbit) -> Json:
         "error": number(orbit.error),
         "method": orbit.method,
         "harmonics": orbit.harmonics or None,
-        "stable": orbit.stable,
+        "stable": None if orbit.stable is None else bool(orbit.stable),
         "multiplier": number(orbit.multiplier),
-        "sticks": orbit.sticks,
+        "sticks": bool(orbit.sticks),
+        "beyond_limits": beyond_limits(excesses(point, orbit, settings.limits)),
     }
 
 
-def of_found(cycle: FoundCycle) -> Json:
+def of_found(point: OperatingPoint, cycle: FoundCycle, settings: Settings) -> Json:
     """A cycle with its role; one beyond the gear is true of the equations alone."""
-    return {"role": cycle.role.value, **of_orbit(cycle.orbit), "beyond_gear": cycle.beyond_gear}
+    return {"role": cycle.role.value, **of_orbit(point, cycle.orbit, settings),
+            "beyond_gear": cycle.beyond_gear}
 
 
-def of_trigger(trigger: Trigger) -> Json:
-    """The smallest kick [rad/s] and release angle [rad] of the swivel that start shimmy."""
+def of_trigger(point: OperatingPoint, trigger: Trigger, settings: Settings) -> Json:
+    """The smallest kick [rad/s] and release angle [rad] of the swivel that do not die."""
     return {
         "outcome": trigger.start.value,
-        "cycle": None if trigger.cycle is None else of_found(trigger.cycle),
+        "cycle": None if trigger.cycle is None else of_found(point, trigger.cycle, settings),
         "kick": _threshold(trigger.kick),
         "release_angle": _threshold(trigger.release_angle),
         "message": trigger.message,
@@ -73,7 +93,8 @@ def of_trigger(trigger: Trigger) -> Json:
 
 
 def _threshold(threshold: Threshold | None) -> Json | None:
-    return None if threshold is None else {"starts": threshold.starts, "dies": threshold.dies}
+    return None if threshold is None else {
+        "starts": threshold.starts, "dies": threshold.dies, "leads_to": threshold.leads_to.value}
 
 
 def failure(error: BaseException) -> Json:

@@ -2,10 +2,12 @@
 
 From a value at which the limit is exceeded, the cycle that exceeds it is followed along its branch
 until its amplitude reaches the limit or it ends in a fold; every value on the way exceeds the
-limit. Where the limit has to hold over an interval of taxi velocities, this is done at the
-velocity of the largest amplitude, and again at the value that results, until no velocity exceeds
-it. Cycles near a fold show in no scan once they are few: therefore the value that releases a
-velocity is maximised over the velocity, beginning before the last ones vanished.
+limit. Growth without bound exceeds every limit, and motion that is not periodic has its envelope:
+where no cycle can be followed, the value is enclosed at which these end. Where the limit has to
+hold over an interval of taxi velocities, this is done at the velocity of the largest amplitude, and
+again at the value that results, until no velocity exceeds it. Cycles near a fold show in no scan
+once they are few: therefore the value that releases a velocity is maximised over the velocity,
+beginning before the last ones vanished.
 """
 
 from __future__ import annotations
@@ -14,14 +16,23 @@ import math
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 
-from ..cycles.branches import LARGEST_SWIVEL, Settings, carry
-from ..cycles.growing import growing_cycle
+from ..cycles.branches import carry
 from ..cycles.orbits import Orbit
+from ..cycles.settings import Settings
 from ..gear.system import OperatingPoint
 from .answer import number, of_orbit
 from .maximum import maximum
 from .query import LARGEST, SMALLEST, Find, value_of, with_values
-from .release import AMPLITUDE, Course, NotExceededError, Release, release, release_near
+from .release import (
+    AMPLITUDE,
+    Course,
+    NotExceededError,
+    Release,
+    can_be_followed,
+    release,
+    release_from,
+    release_near,
+)
 from .reply import Json
 from .scan import Sample, Scan
 
@@ -38,9 +49,8 @@ _EDGE_STEPS = 6
 _PRECISION = 5e-4
 # Steps from a value at which the limit holds: relative to it, and to the way to go.
 _STEP, _LEAST_STEP = 0.1, 1e-3
-# Steps from a value at which oscillations grow without bound, in parts of the way to go.
-_NUDGES = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
-_LARGEST_SWIVEL = 0.5 * LARGEST_SWIVEL
+# Two values nearer than this are the same, relative to them.
+_SAME = 1e-7
 
 
 def find(wanted: Find, point: OperatingPoint, settings: Settings) -> Generator[None, None, Json]:
@@ -49,13 +59,13 @@ def find(wanted: Find, point: OperatingPoint, settings: Settings) -> Generator[N
     if wanted.sense in (SMALLEST, LARGEST):
         found = yield from search.first(wanted.begin, wanted.end)
         if found is None:
-            return _answer(wanted, point, NOWHERE, None)
+            return _answer(wanted, point, settings, NOWHERE, None)
         if found is True:
-            return _answer(wanted, point, AT_RANGE_END, wanted.begin)
-        return _answer(wanted, point, FOUND, found)
+            return _answer(wanted, point, settings, AT_RANGE_END, wanted.begin)
+        return _answer(wanted, point, settings, FOUND, found)
     value = wanted.begin
     if (yield from search.exceeded(value)):
-        return _answer(wanted, point, EXCEEDED_NOW, None)
+        return _answer(wanted, point, settings, EXCEEDED_NOW, None)
     while value != wanted.end:
         before, way = value, wanted.end - value
         step = max(_STEP * abs(value), _LEAST_STEP * abs(wanted.end - wanted.begin))
@@ -65,8 +75,8 @@ def find(wanted: Find, point: OperatingPoint, settings: Settings) -> Generator[N
             raise ArithmeticError(f"the limit holds at {wanted.parameter} {before:g}, but was not "
                                   f"met again on the way back from {value:g}")
         if found is not True:
-            return _answer(wanted, point, FOUND, found)
-    return _answer(wanted, point, EVERYWHERE, wanted.end)
+            return _answer(wanted, point, settings, FOUND, found)
+    return _answer(wanted, point, settings, EVERYWHERE, wanted.end)
 
 
 class _Search:
@@ -98,6 +108,9 @@ class _Search:
                 return True if best is None else best
             little = False
             if isinstance(following, Release):
+                if best is not None and abs(following.value - value) <= _SAME * abs(value):
+                    # At the limit to within the accuracy: no further way to go.
+                    return following
                 little = abs(following.value - value) < _LITTLE_PROGRESS * abs(value - begin)
                 best = following
             if self._wanted.velocities is None:
@@ -118,27 +131,15 @@ class _Search:
             try:
                 return (yield from self._released(value, end, peak))
             except NotExceededError:
-                # The balance's cycle near a fold is none.
+                # At the limit to within the tolerance.
                 continue
         return True
 
     def _released(self, value: float, end: float, peak: Sample
                   ) -> Generator[None, None, Release | None]:
         """Where ``peak``, a cycle at ``value``, is released on the way to ``end``."""
-        for part in _NUDGES:
-            start = value + part * (end - value)
-            point = self._at(start, peak.velocity)
-            if part == 0.0 and math.isinf(peak.amplitude):
-                continue
-            orbit = growing_cycle(point, self._settings)
-            yield
-            # Without bound, or nearly so, where the damper takes next to no energy.
-            if orbit is None and math.isinf(self._scan.amplitude(point)):
-                continue
-            if orbit is None or orbit.swivel < _LARGEST_SWIVEL:
-                return (yield from release(point, orbit, self._course(start, end),
-                                           self._settings))
-        return None
+        return (yield from release_from(self._at(value, peak.velocity), self._scan,
+                                        self._course(value, end), self._settings))
 
     def _furthest(self, begin: float, end: float, best: Release
                   ) -> Generator[None, None, Release | None]:
@@ -151,7 +152,8 @@ class _Search:
             if groups:
                 break
         sign = math.copysign(1.0, end - begin)
-        releases = _Releases(self._at(back), self._course(back, end), self._settings, best)
+        releases = _Releases(self._at(back), self._course(back, end), self._scan, self._settings,
+                             best)
         for group in groups:
             low, high = (self._edge(back, *end) for end in group)
             yield
@@ -199,10 +201,11 @@ class _Search:
 class _Releases:
     """Releases on the way from ``back``, each found from those at neighbouring velocities."""
 
-    def __init__(self, back: OperatingPoint, course: Course, settings: Settings, first: Release
-                 ) -> None:
+    def __init__(self, back: OperatingPoint, course: Course, scan: Scan, settings: Settings,
+                 first: Release) -> None:
         self._back = back
         self._course = course
+        self._scan = scan
         self._settings = settings
         self._starts: dict[float, Orbit] = {}
         self.found = [first]
@@ -221,7 +224,11 @@ class _Releases:
             orbit = self._start(velocity)
             yield
             try:
-                found = yield from release(point, orbit, self._course, self._settings)
+                if orbit is None:
+                    found = yield from release_from(point, self._scan, self._course,
+                                                    self._settings)
+                else:
+                    found = yield from release(point, orbit, self._course, self._settings)
             except NotExceededError:
                 return sign * self._course.begin
             if found is None:
@@ -230,21 +237,22 @@ class _Releases:
         return sign * found.value
 
     def _start(self, velocity: float) -> Orbit | None:
-        """The cycle at the begin of the way."""
+        """The cycle at the begin of the way; None without one that can be followed."""
         orbit = None
         if self._starts:
             near = min(self._starts, key=lambda item: abs(item - velocity))
             orbit = carry(self._starts[near], replace(self._back, velocity=near),
                           replace(self._back, velocity=velocity), self._settings)
         if orbit is None:
-            orbit = growing_cycle(replace(self._back, velocity=velocity), self._settings)
+            verdict = self._scan.verdict(replace(self._back, velocity=velocity))
+            orbit = verdict.orbit if can_be_followed(verdict) else None
         if orbit is not None:
             self._starts[velocity] = orbit
         return orbit
 
 
-def _answer(wanted: Find, point: OperatingPoint, outcome: str, found: Release | float | None
-            ) -> Json:
+def _answer(wanted: Find, point: OperatingPoint, settings: Settings, outcome: str,
+            found: Release | float | None) -> Json:
     value = found.value if isinstance(found, Release) else found
     present = value_of(point, wanted.parameter)
     answer: Json = {
@@ -253,6 +261,9 @@ def _answer(wanted: Find, point: OperatingPoint, outcome: str, found: Release | 
         "decided_by": None,
     }
     if isinstance(found, Release):
+        there = with_values(replace(point, velocity=found.velocity),
+                            {wanted.parameter: found.value})
         answer["decided_by"] = {
-            "by": found.by, "taxi_velocity": found.velocity, "cycle": of_orbit(found.orbit)}
+            "by": found.by, "taxi_velocity": found.velocity,
+            "cycle": None if found.orbit is None else of_orbit(there, found.orbit, settings)}
     return answer

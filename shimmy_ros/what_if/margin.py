@@ -10,10 +10,11 @@ import math
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
-from ..cycles.branches import ContinuationError, Line, Settings, follow
-from ..cycles.growing import growing_cycle
+from ..cycles.branches import ContinuationError, Line, follow
 from ..cycles.orbits import Orbit
-from ..cycles.prediction import Predictor
+from ..cycles.settings import Settings
+from ..cycles.stable_cycle import stable_cycle
+from ..cycles.verdict import Verdict
 from ..gear.parameters import VELOCITY_RANGE, Damper, ranges
 from ..gear.system import OperatingPoint, family_between
 from ..ihb.solution import Outcome
@@ -46,33 +47,43 @@ class _Folds:
                 "distance": min(distances) if distances else None, "searched": list(searched)}
 
 
-def margin(point: OperatingPoint, settings: Settings, minimum_velocity: float
+def margin(point: OperatingPoint, settings: Settings, verdict: Verdict | None = None
            ) -> Generator[None, None, Json]:
     """The nearest folds in taxi velocity and in each parameter of the damper.
 
-    Where there is a limit cycle, these end it; where there is none, they begin one. Raises
-    ContinuationError where it is not known which of the two is so.
+    Where there is a limit cycle, these end it; where every motion dies, they begin one; and where
+    motion grows without bound or is not periodic, they end another stable cycle, if there is one.
+    ``verdict`` is what the point comes to, if that is known. Raises ArithmeticError where it is not
+    to be known.
     """
     yield
-    growing = growing_cycle(point, settings)
-    bounds = {name: _bounds(name, point, minimum_velocity) for name in _PARAMETERS}
+    if verdict is None:
+        verdict = stable_cycle(point, settings)
+    if verdict.failed:
+        raise ArithmeticError(verdict.reason)
+    followed = next(iter(verdict.stable_cycles), None)
+    bounds = {name: _bounds(name, point, settings.minimum_velocity) for name in _PARAMETERS}
     folds = {}
+    message = ""
     for name in (VELOCITY, LINEAR, COULOMB):
-        if growing is not None:
-            folds[name] = yield from _ends(point, growing, name, bounds[name], settings)
+        if followed is not None:
+            folds[name] = yield from _ends(point, followed, name, bounds[name], settings)
+        elif verdict.outcome is not Outcome.NO_LIMIT_CYCLE:
+            folds[name] = _Folds()
+            message = f"{verdict.message}; there is no limit cycle that could end in a fold"
         elif name == COULOMB:
             folds[name] = yield from _weaker(point, settings)
         else:
-            folds[name] = yield from _births(point, name, bounds[name], settings,
-                                             minimum_velocity)
+            folds[name] = yield from _births(point, name, bounds[name], settings)
     folds[QUADRATIC] = _scaled(point, folds[COULOMB])
+    if followed is not None and verdict.orbit is None:
+        message = f"{verdict.message}; the folds are those of another stable cycle"
     problems = [sentence for item in folds.values() for sentence in item.problems]
-    outcome = Outcome.LIMIT_CYCLE if growing is not None else Outcome.NO_LIMIT_CYCLE
     return {
-        "outcome": NOT_CONVERGED if problems else outcome.value,
+        "outcome": NOT_CONVERGED if problems else verdict.outcome.value,
         "folds": {name: folds[name].to_json(value_of(point, name), bounds[name])
                   for name in _PARAMETERS},
-        "message": "; ".join(problems),
+        "message": "; ".join(problems) or message,
     }
 
 
@@ -83,16 +94,16 @@ def _bounds(name: str, point: OperatingPoint, minimum_velocity: float) -> tuple[
     return 0.0, min(high, ranges(Damper)[name].high)
 
 
-def _ends(point: OperatingPoint, growing: Orbit, name: str, bounds: tuple[float, float],
+def _ends(point: OperatingPoint, orbit: Orbit, name: str, bounds: tuple[float, float],
           settings: Settings) -> Generator[None, None, _Folds]:
-    """The folds in which the ``growing`` cycle ends as a parameter changes."""
+    """The folds in which the cycle ``orbit`` ends as a parameter changes."""
     folds = _Folds()
     value = value_of(point, name)
     for side, bound in zip(("below", "above"), bounds, strict=True):
         if bound != value:
             try:
                 position = yield from first_fold(
-                    point, with_values(point, {name: bound}), growing, settings)
+                    point, with_values(point, {name: bound}), orbit, settings)
             except ContinuationError as error:
                 folds.problems.append(f"{name} {side} {value:g}: {error}")
             else:
@@ -120,42 +131,50 @@ def _weaker(point: OperatingPoint, settings: Settings) -> Generator[None, None, 
     for factor in _WEAKER if torque > 0.0 else ():
         weak = with_values(point, {COULOMB: factor * torque})
         yield
+        verdict = stable_cycle(weak, settings)
+        if verdict.failed:
+            return _Folds(problems=[f"{COULOMB} below {torque:g}: {verdict.message}"])
+        if verdict.orbit is None:
+            continue
         try:
-            orbit = growing_cycle(weak, settings)
-            if orbit is not None:
-                position = yield from first_fold(weak, point, orbit, settings)
-                if position is not None:
-                    return _Folds(below=torque * (factor + position * (1.0 - factor)))
+            position = yield from first_fold(weak, point, verdict.orbit, settings)
         except ContinuationError as error:
             return _Folds(problems=[f"{COULOMB} below {torque:g}: {error}"])
+        if position is not None:
+            return _Folds(below=torque * (factor + position * (1.0 - factor)))
     return _Folds()
 
 
-def _births(point: OperatingPoint, name: str, bounds: tuple[float, float], settings: Settings,
-            minimum_velocity: float) -> Generator[None, None, _Folds]:
+def _births(point: OperatingPoint, name: str, bounds: tuple[float, float], settings: Settings
+            ) -> Generator[None, None, _Folds]:
     """The folds in which a cycle begins as a parameter moves away from ``point``."""
     folds = _Folds()
     value = value_of(point, name)
-    predictor = Predictor(settings.harmonics, min(minimum_velocity, point.velocity))
     for side, bound in zip(("below", "above"), bounds, strict=True):
-        place = value
+        place, last = value, None
+        problem = ""
         while place != bound:
             place += math.copysign(max(_STEP * place, _LEAST_STEP), bound - value)
             place = min(max(place, bounds[0]), bounds[1])
             there = with_values(point, {name: place})
+            last = stable_cycle(there, settings, last)
             yield
-            if predictor.predict(there).limit_cycle is None:
+            if last.failed:
+                # A fold further on may still be found.
+                problem = problem or f"{name} {place:g}: {last.message}"
+            if last.orbit is None:
                 continue
             try:
-                orbit = growing_cycle(there, settings)
-                position = None if orbit is None else (
-                    yield from first_fold(there, point, orbit, settings))
+                position = yield from first_fold(there, point, last.orbit, settings)
             except ContinuationError as error:
-                folds.problems.append(f"{name} {side} {value:g}: {error}")
+                problem = f"{name} {side} {value:g}: {error}"
                 break
             if position is not None:
                 setattr(folds, side, place + position * (value - place))
+                problem = ""
                 break
+        if problem:
+            folds.problems.append(problem)
     return folds
 
 

@@ -17,7 +17,8 @@ from .query import Present
 from .reply import FAILED, refusal, to_text
 
 _WORKER = "shimmy_ros.what_if.worker"
-_PATIENCE_S = 5.0
+# A node has two seconds to end in all.
+_PATIENCE_S = 0.5
 
 Outgoing = queue.SimpleQueue[dict[str, Any] | None]
 

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from ..cycles.settings import Settings
 from ..gear.matrices import NAMES
-from ..gear.parameters import VELOCITY_RANGE, Damper, Gear, Range, from_mapping, ranges
+from ..gear.parameters import VELOCITY_RANGE, Damper, Gear, Limits, Range, from_mapping, ranges
 from ..gear.system import OperatingPoint
 
 VELOCITY = "taxi_velocity"
@@ -28,8 +29,7 @@ class Present:
     gear: Gear
     damper: Damper
     velocity: float | None
-    harmonics: int
-    minimum_velocity: float
+    settings: Settings
 
     def to_json(self) -> dict[str, Any]:
         """As a mapping for from_json."""
@@ -38,8 +38,10 @@ class Present:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Present:
         """The inverse of to_json. Raises ParameterError."""
+        settings = content["settings"]
         return cls(from_mapping(Gear, content["gear"]), from_mapping(Damper, content["damper"]),
-                   content["velocity"], content["harmonics"], content["minimum_velocity"])
+                   content["velocity"],
+                   Settings(**{**settings, "limits": from_mapping(Limits, settings["limits"])}))
 
 
 @dataclass(frozen=True)
@@ -109,15 +111,13 @@ class Query:
 
     ``base`` is the operating point apart from what varies (its velocity is NaN where that is an
     interval); ``varied`` has values by parameter, in the order of the query, of which the last one
-    varies fastest. Exactly one of ``harmonics`` and ``accuracy`` is not None.
+    varies fastest. ``settings`` are how the cycles are computed, and the limits.
     """
 
     id: str | None
     base: OperatingPoint
     varied: Mapping[str, Grid | Listed]
-    harmonics: int | None
-    accuracy: float | None
-    minimum_velocity: float
+    settings: Settings
     returns: tuple[str, ...]
     find: Find | None
 
@@ -154,11 +154,10 @@ class Query:
         values: dict[str, Any] = {
             VELOCITY: point.velocity, **asdict(point.damper), **asdict(point.gear)}
         values |= {name: value.to_json() for name, value in self.varied.items()}
-        if self.harmonics is not None:
-            values["harmonics"] = self.harmonics
-        else:
-            values["accuracy"] = self.accuracy
-        values["minimum_velocity"] = self.minimum_velocity
+        settings = self.settings
+        values |= {"harmonics": settings.harmonics, "accuracy": settings.accuracy,
+                   "minimum_velocity": settings.minimum_velocity,
+                   "limits": asdict(settings.limits)}
         if self.find is None:
             return {**values, "return": list(self.returns)}
         find = self.find

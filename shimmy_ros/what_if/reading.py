@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..cycles.accuracy import ACCURACY_RANGE
-from ..cycles.prediction import HARMONICS_RANGE, check_harmonics
+from ..cycles.settings import ACCURACY_RANGE, HARMONICS_RANGE, Settings, check_harmonics
 from ..gear.matrices import NAMES, SWIVEL
-from ..gear.parameters import Damper, Gear, ParameterError, Range, ranges
+from ..gear.parameters import Damper, Gear, Limits, ParameterError, Range, changed, ranges
 from ..gear.system import OperatingPoint
 from .query import (
     LARGEST,
@@ -42,7 +41,7 @@ LONGEST_ID = 100
 # Where to look for a parameter, in multiples of its present value.
 _DAMPER_FACTOR, _GEAR_FACTOR = 100.0, 2.0
 _DEGREES = re.compile(r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?) ?deg")
-_WORDS = ("id", "cancel", "harmonics", "accuracy", "return", "find")
+_WORDS = ("id", "cancel", "harmonics", "accuracy", "limits", "return", "find")
 
 
 def id_of(content: Mapping[str, Any]) -> str | None:
@@ -68,13 +67,6 @@ def read_query(content: Mapping[str, Any], present: Present, maximum_points: int
         return Cancel(identifier, _word("cancel", content["cancel"]))
     if "find" in content and "return" in content:
         raise QueryError("return", "return and find exclude each other")
-    if "harmonics" in content and "accuracy" in content:
-        raise QueryError("accuracy", "accuracy and harmonics exclude each other")
-    accuracy = (_number("accuracy", content["accuracy"], ACCURACY_RANGE)
-                if "accuracy" in content else None)
-    harmonics = None if accuracy is not None else present.harmonics
-    if "harmonics" in content:
-        harmonics = _harmonics(content["harmonics"])
     wanted = _find_words(content["find"]) if "find" in content else None
     numbers: dict[str, float] = {}
     varied: dict[str, Grid | Listed] = {}
@@ -89,7 +81,7 @@ def read_query(content: Mapping[str, Any], present: Present, maximum_points: int
             else:
                 varied[name] = value
     query = Query(identifier, _base(present, numbers, varied, interval, wanted), varied,
-                  harmonics, accuracy, present.minimum_velocity, _returns(content), None)
+                  _settings(content, present.settings), _returns(content), None)
     if len(query) > maximum_points:
         raise QueryError("", f"the query has {len(query)} points, but may have at most "
                          f"{maximum_points}")
@@ -97,6 +89,29 @@ def read_query(content: Mapping[str, Any], present: Present, maximum_points: int
         query = replace(query, find=_find(content, wanted, query, interval))
     _check_corners(query)
     return query
+
+
+def _settings(content: Mapping[str, Any], present: Settings) -> Settings:
+    values: dict[str, Any] = {"limits": _limits(content, present.limits)}
+    if "harmonics" in content:
+        values["harmonics"] = _harmonics(content["harmonics"])
+    if "accuracy" in content:
+        values["accuracy"] = _number("accuracy", content["accuracy"], ACCURACY_RANGE)
+    return replace(present, **values)
+
+
+def _limits(content: Mapping[str, Any], present: Limits) -> Limits:
+    value = content.get("limits", {})
+    known = ranges(Limits)
+    if not isinstance(value, dict):
+        raise QueryError("limits", f"limits is {brief(value)}, but must be a mapping of some of "
+                         f"{', '.join(known)} to numbers")
+    for word in value:
+        if word not in known:
+            raise QueryError(f"limits.{word}", f"{brief(word)} is not known in limits; it has "
+                             f"{', '.join(known)}")
+    return changed(present, **{name: _angle(f"limits.{name}", item, known[name])
+                               for name, item in value.items()})
 
 
 def _base(present: Present, numbers: dict[str, float], varied: Mapping[str, Grid | Listed],
@@ -239,7 +254,7 @@ def _find(content: Mapping[str, Any], wanted: tuple[str, str], query: Query,
             name == VELOCITY and interval is not None):
         raise QueryError(name, f"{name} is what find looks for, and must not be given"
                          + (" but as one number" if change else ""))
-    lowest = query.minimum_velocity
+    lowest = query.settings.minimum_velocity
     if interval is not None and interval[0] < lowest:
         raise QueryError(f"{VELOCITY}.from", f"taxi_velocity.from is {interval[0]:g}, but must be "
                          f"at least the minimum velocity of {lowest:g} m/s")
@@ -252,27 +267,27 @@ def _find(content: Mapping[str, Any], wanted: tuple[str, str], query: Query,
     index = NAMES.index(coordinate)
     unit = "m" if coordinate == "tyre_lateral" else "rad"
     range_ = Range(unit, "amplitude", 0.0, LARGEST_AMPLITUDE)
-    below = _limit(value["below"], range_)
+    below = _angle("find.below", value["below"], range_)
     begin, end = _between(value, sense, name, query)
     return Find(sense, name, begin, end, index, below, interval)
 
 
-def _limit(value: object, range_: Range) -> float:
+def _angle(where: str, value: object, range_: Range) -> float:
     """A number, or that of a text such as "2 deg" for an angle."""
     if range_.unit != "rad" or not isinstance(value, str):
-        return _number("find.below", value, range_)
+        return _number(where, value, range_)
     match = _DEGREES.fullmatch(value)
     if match is None:
-        raise QueryError("find.below", f"find.below is {brief(value)}, but must be a number in "
+        raise QueryError(where, f"{where} is {brief(value)}, but must be a number in "
                          f"{range_.describe()}, or an angle as in 2 deg")
-    return _number("find.below", math.radians(float(match[1])), range_)
+    return _number(where, math.radians(float(match[1])), range_)
 
 
 def _between(find: Mapping[str, Any], sense: str, name: str, query: Query
              ) -> tuple[float, float]:
     """Begin and end of the search."""
     allowed = PARAMETERS[name]
-    lowest = query.minimum_velocity if name == VELOCITY else allowed.low
+    lowest = query.settings.minimum_velocity if name == VELOCITY else allowed.low
     present = value_of(query.base, name)
     if sense in (LARGEST_LOSS, LARGEST_RISE):
         if "between" in find:

@@ -5,17 +5,28 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
-from ..cycles.branches import ContinuationError, Line, Settings, carry, follow
+from ..cycles.branches import LARGEST_SWIVEL, ContinuationError, Line, carry, follow
 from ..cycles.orbits import Orbit
+from ..cycles.settings import Settings
+from ..cycles.verdict import Verdict
+from ..gear.matrices import SWIVEL
 from ..gear.system import OperatingPoint, family_between
+from ..ihb.solution import Outcome
 from .query import VELOCITY, value_of, with_values
+from .scan import Scan
 
-AMPLITUDE, FOLD = "amplitude", "fold"
+AMPLITUDE, FOLD, GROWTH, ENVELOPE = "amplitude", "fold", "growth", "envelope"
 # Of an amplitude relative to the limit, and of a value relative to those that enclose it.
-_PRECISION = 1e-9
+_PRECISION = 1e-10
 _MOST_STEPS = 50
 _FEW_STEPS = 8
 _FIRST_STEP = 1e-3
+# Steps from a value at which there is no cycle to follow, in parts of the way to go.
+_NUDGES = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
+# A larger cycle is not followed: the branch is about to end there.
+_LARGEST = 0.5 * LARGEST_SWIVEL
+# Of a value at which growth or an envelope ends, relative to it and to the way.
+_EDGE, _LEAST_EDGE = 1e-7, 1e-11
 
 
 class NotExceededError(ValueError):
@@ -26,13 +37,15 @@ class NotExceededError(ValueError):
 class Release:
     """The ``value`` from which on the limit holds at ``velocity`` [m/s], and the cycle there.
 
-    ``by`` is AMPLITUDE where the cycle's amplitude is the limit, FOLD where the cycle ends.
+    ``by`` is AMPLITUDE where the cycle's amplitude is the limit, FOLD where the cycle ends. Without
+    a cycle it is GROWTH where growth without bound ends, ENVELOPE where other motion comes below
+    the limit.
     """
 
     value: float
     velocity: float
     by: str
-    orbit: Orbit
+    orbit: Orbit | None
 
 
 @dataclass(frozen=True)
@@ -57,10 +70,64 @@ class Course:
         """How far the amplitude is above the limit."""
         return float(orbit.amplitude[self.coordinate]) - self.below
 
-    def released(self, point: OperatingPoint, value: float, by: str, orbit: Orbit) -> Release:
+    def released(self, point: OperatingPoint, value: float, by: str, orbit: Orbit | None
+                 ) -> Release:
         """A release on the way of ``point``."""
         velocity = value if self.parameter == VELOCITY else point.velocity
         return Release(value, velocity, by, orbit)
+
+
+def release_from(point: OperatingPoint, scan: Scan, course: Course, settings: Settings
+                 ) -> Generator[None, None, Release | None]:
+    """As release(), from what ``point`` comes to: a cycle, or motion that grows or is not periodic.
+
+    Where there is no cycle to follow, some are looked for on the way; without any, the value is
+    enclosed at which the limit begins to hold.
+    """
+    begin = value_of(point, course.parameter)
+    way = course.end - begin
+    exceeding: tuple[float, Verdict] | None = None
+    for part in _NUDGES:
+        value = begin + part * way
+        verdict = scan.verdict(course.at(point, value))
+        yield
+        if not _exceeds(course, verdict):
+            if exceeding is None:
+                raise NotExceededError(f"the limit is not exceeded at {point.velocity:g} m/s")
+            return (yield from _edge(point, scan, course, settings, exceeding, value))
+        if can_be_followed(verdict):
+            return (yield from release(verdict.point, verdict.orbit, course, settings))
+        exceeding = value, verdict
+    return None
+
+
+def _exceeds(course: Course, verdict: Verdict) -> bool:
+    return float(verdict.amplitude[course.coordinate]) > course.below
+
+
+def can_be_followed(verdict: Verdict) -> bool:
+    """Whether there is a cycle, and its branch does not end right there."""
+    return verdict.orbit is not None and verdict.orbit.amplitude[SWIVEL] < _LARGEST
+
+
+def _edge(point: OperatingPoint, scan: Scan, course: Course, settings: Settings,
+          exceeding: tuple[float, Verdict], holding: float
+          ) -> Generator[None, None, Release | None]:
+    """Where the limit begins to hold between two values, or the release of a cycle met between."""
+    value, last = exceeding
+    least = _LEAST_EDGE * abs(course.end - course.begin)
+    while abs(holding - value) > max(_EDGE * max(abs(holding), abs(value)), least):
+        middle = 0.5 * (value + holding)
+        verdict = scan.verdict(course.at(point, middle))
+        yield
+        if not _exceeds(course, verdict):
+            holding = middle
+        elif can_be_followed(verdict):
+            return (yield from release(verdict.point, verdict.orbit, course, settings))
+        else:
+            value, last = middle, verdict
+    by = ENVELOPE if last.outcome is Outcome.NOT_PERIODIC else GROWTH
+    return course.released(point, holding, by, None)
 
 
 def release(point: OperatingPoint, start: Orbit | None, course: Course, settings: Settings
@@ -84,6 +151,9 @@ def release(point: OperatingPoint, start: Orbit | None, course: Course, settings
         for here in follow(line, orbit, position, 1, settings):
             yield
             excess = course.excess(here.orbit)
+            if here.position == 0.0 and excess <= 0.0:
+                # The branch's method has it at the limit already, to within the accuracy.
+                return course.released(point, begin, AMPLITUDE, here.orbit)
             if here.is_fold and excess >= 0.0:
                 return course.released(point, value(here.position), FOLD, here.orbit)
             if excess < 0.0:
@@ -103,6 +173,8 @@ def release_near(point: OperatingPoint, near: Release, course: Course, settings:
 
     None where that fails. Raises ContinuationError.
     """
+    if near.orbit is None:
+        return None
     origin = course.at(replace(point, velocity=near.velocity), near.value)
     low, high = sorted((course.begin, course.end))
     before = excess_before = 0.0

@@ -11,6 +11,10 @@ from .reply import Json
 
 Row = Mapping[str, str]
 
+# Outcomes that a row tells in full.
+_PLAIN = ("limit_cycle", "no_limit_cycle", "disturbance", "found", "nowhere", "everywhere",
+          "at_range_end", "exceeded_now")
+
 
 def tables(answer: Json) -> list[str]:
     """One table for each kind of result that the points have, and what went wrong below it.
@@ -48,13 +52,14 @@ def _table(kind: str, points: Sequence[Json]) -> str:
         result = point[kind]
         rows += [{**at, **row} for row in _ROWS[kind](result)]
         note = result.get("message", "")
-        if note and note not in notes and result["outcome"] in ("not_converged", "not_rolling"):
+        plain = result["outcome"] in _PLAIN and _part(result, "kick", "leads_to") != "growth"
+        if note and note not in notes and not plain:
             notes.append(note)
     return "\n".join([*_aligned(rows), *(f"{note[0].upper()}{note[1:]}." for note in notes)])
 
 
 def _aligned(rows: Sequence[Row]) -> list[str]:
-    columns = list(dict.fromkeys(name for row in rows for name in row))
+    columns = list(dict.fromkeys(name for row in rows for name in row if row[name]))
     widths = {name: max(len(name), *(len(row.get(name, "")) for row in rows)) for name in columns}
     lines = ["  ".join(name.rjust(widths[name]) for name in columns)]
     for row in rows:
@@ -63,7 +68,11 @@ def _aligned(rows: Sequence[Row]) -> list[str]:
 
 
 def _limit_cycle(result: Json) -> list[Row]:
-    return [{"outcome": _words(result["outcome"]), **_cycle(result)}]
+    further = [f"{_degrees(cycle['amplitude']['swivel'])} deg"
+               for cycle in result.get("further_stable_cycles") or []]
+    cycle = {**result, "amplitude": result.get("amplitude") or result.get("envelope")}
+    return [{"outcome": _words(result["outcome"]), **_cycle(cycle),
+             **({"also stable": ", ".join(further)} if further else {})}]
 
 
 def _all_cycles(result: Json) -> list[Row]:
@@ -74,10 +83,12 @@ def _all_cycles(result: Json) -> list[Row]:
 
 
 def _trigger(result: Json) -> list[Row]:
+    leads = [_part(result, name, "leads_to") for name in ("kick", "release_angle")]
     return [{
         "starts": _words(result["outcome"]),
         "kick [rad/s]": _number(_part(result, "kick", "starts")),
         "release angle [deg]": _degrees(_part(result, "release_angle", "starts")),
+        "leads to": ", ".join(_words(word) for word in dict.fromkeys(filter(None, leads))) or "-",
         "trigger cycle [deg]": _degrees(_part(result, "cycle", "amplitude", "swivel")),
     }]
 
@@ -109,6 +120,9 @@ def _cycle(result: Json) -> Row:
         "tyre lateral [m]": _number(amplitude.get("tyre_lateral")),
         "frequency [Hz]": _number(result.get("frequency")),
         "error": "-" if result.get("error") is None else f"{result['error']:.1e}",
+        # Empty without such a cycle, so that the column is not there unless it says something.
+        "beyond limits": ", ".join(_words(excess["quantity"])
+                                   for excess in result.get("beyond_limits") or []),
     }
 
 

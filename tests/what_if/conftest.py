@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from shimmy_ros.cycles.settings import Settings
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.resources import resource_directory
 from shimmy_ros.what_if.desk import Desk
@@ -28,7 +29,7 @@ def random_queries():
 def present():
     """The reference gear at 40 m/s."""
     gear, damper = reference_parameters()
-    return Present(gear, damper, 40.0, 4, 1.0)
+    return Present(gear, damper, 40.0, Settings())
 
 
 @pytest.fixture(scope="session")

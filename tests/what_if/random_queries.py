@@ -31,6 +31,9 @@ def good(seed):
         query[name] = _value(rng, (1.0 - SPREAD) * GEAR[name], (1.0 + SPREAD) * GEAR[name])
     if rng.random() < 0.3:
         query["harmonics"] = rng.randint(1, 9)
+    if rng.random() < 0.2:
+        query["limits"] = {rng.choice(("swivel", "strut_tilt", "tyre_deflection")):
+                           rng.uniform(0.01, 1.0)}
     if rng.random() < 0.3:
         query["return"] = rng.choice(("limit_cycle", ["limit_cycle"]))
     items = list(query.items())
@@ -156,8 +159,13 @@ def _accuracy(rng, query, name):
     return _with(query, "accuracy", rng.choice((0.0, 1.0, -0.1, "high", None)), "accuracy")
 
 
-def _both(rng, query, name):
-    return _with({**query, "harmonics": 4}, "accuracy", 0.01, "accuracy")
+def _limits(rng, query, name):
+    value, where = rng.choice((
+        (0.5, "limits"), (None, "limits"), ([0.5], "limits"),
+        ({"wheel": 0.5}, "limits.wheel"), ({"swivel": 0.0}, "limits.swivel"),
+        ({"swivel": "wide"}, "limits.swivel"), ({"strut_tilt": -0.1}, "limits.strut_tilt"),
+        ({"tyre_deflection": "2 deg"}, "limits.tyre_deflection")))
+    return _with(query, "limits", value, where)
 
 
 def _returns(rng, query, name):
@@ -198,4 +206,4 @@ def _heavy(rng, query, name):
 
 
 _WRONG = (_unknown, _wrong_type, _out_of_range, _wrong_in_list, _empty_list, _wrong_grid,
-          _harmonics, _accuracy, _both, _returns, _find, _id, _cancel, _heavy)
+          _harmonics, _accuracy, _limits, _returns, _find, _id, _cancel, _heavy)

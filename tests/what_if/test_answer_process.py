@@ -126,12 +126,13 @@ def test_a_worker_ends_with_a_user_that_is_killed(tmp_path):
     program = tmp_path / "user.py"
     program.write_text(
         "import json, threading\n"
+        "from shimmy_ros.cycles.settings import Settings\n"
         "from shimmy_ros.gear.parameter_file import reference_parameters\n"
         "from shimmy_ros.what_if.process import AnswerProcess\n"
         "from shimmy_ros.what_if.query import Present\n"
         "ready = threading.Event()\n"
         "process = AnswerProcess(ready.set)\n"
-        "present = Present(*reference_parameters(), 40.0, 4, 1.0)\n"
+        "present = Present(*reference_parameters(), 40.0, Settings())\n"
         "process.ask('{}', present, 10)\n"
         "ready.wait()\n"
         f"process.ask({json.dumps(LONG)!r}, present, 10_000)\n"
@@ -159,3 +160,22 @@ def test_an_interrupt_from_the_terminal_is_not_the_workers(caller):
     caller.ask({"id": "more"})
     assert caller.answer()["state"] == "complete"
     assert worker_of(os.getpid()) == [worker]
+
+
+def test_a_cancellation_at_any_time_costs_no_process(caller):
+    """Above all where numba unpacks arguments, in which a signal's exception crashes it."""
+    caller.ask({"id": "first"})
+    caller.answer()
+    (worker,) = worker_of(os.getpid())
+    for number in range(30):
+        caller.ask(LONG)
+        time.sleep(0.007 * number)
+        caller.ask({"id": "end", "cancel": "long"})
+        states = []
+        while len(states) < 2:
+            answer = caller.answer()
+            if answer["state"] != "under_way":
+                states.append((answer["id"], answer["state"]))
+        assert states == [("long", "cancelled"), ("end", "complete")]
+    assert worker_of(os.getpid()) == [worker]
+    assert caller.process.deaths == 0

@@ -191,7 +191,7 @@ def test_a_long_slice_is_interrupted(desk, monkeypatch):
 def test_a_slice_that_takes_too_long_costs_its_point_alone(desk, monkeypatch):
     from shimmy_ros.what_if import evaluate as evaluate_module
 
-    def endless(point):
+    def endless(point, stable):
         if point.velocity == 40.0:
             # As a signal's handler does; no solver may take it for a failure of its own.
             try:
@@ -205,6 +205,6 @@ def test_a_slice_that_takes_too_long_costs_its_point_alone(desk, monkeypatch):
     (reply,) = finished(desk)
     assert reply.answer["state"] == "complete"
     assert [point["all_cycles"]["outcome"] for point in reply.answer["points"]] == [
-        "no_limit_cycle", "not_converged", "no_limit_cycle"]
+        "limit_cycle", "not_converged", "limit_cycle"]
     assert reply.answer["points"][1]["all_cycles"]["message"].endswith(": it took too long")
     desk.give_up("nothing runs")

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 
 from shimmy_ros.cycles.prediction import Predictor
+from shimmy_ros.cycles.verdict import Verdict
+from shimmy_ros.gear.linear import linear_modes
+from shimmy_ros.gear.parameter_file import reference_parameters
+from shimmy_ros.gear.parameters import changed
 from shimmy_ros.gear.system import OperatingPoint
+from shimmy_ros.ihb.solution import Outcome
+from shimmy_ros.what_if import scan
 from shimmy_ros.what_if.query import with_values
 
 TWO_DEGREES = math.radians(2.0)
@@ -29,16 +35,15 @@ def find(points):
 
 @pytest.fixture
 def swivel(present):
-    """Predicted swivel amplitudes, 0 without a cycle, over velocities, with values changed."""
+    """Swivel amplitudes, as a Verdict has them, over velocities, with values changed."""
     def amplitudes(velocities, **values):
         predictor = Predictor()
         base = with_values(OperatingPoint(present.gear, present.damper, 0.0), values)
         found = []
         for velocity in velocities:
-            prediction = predictor.predict(replace(base, velocity=float(velocity)))
-            cycle = prediction.limit_cycle
-            assert cycle is not None or prediction.outcome == "no_limit_cycle"
-            found.append(0.0 if cycle is None else float(cycle.amplitude()[1]))
+            verdict = predictor.predict(replace(base, velocity=float(velocity)))
+            assert not verdict.failed
+            found.append(float(verdict.amplitude[1]))
         return np.array(found)
 
     return amplitudes
@@ -115,12 +120,21 @@ def test_another_coordinate_may_be_limited(find, parameter):
     assert found["decided_by"]["cycle"]["amplitude"][parameter] == pytest.approx(0.02, rel=1e-8)
 
 
-def test_without_quadratic_damping_growth_has_no_bound_and_meets_no_limit(find):
+def test_without_quadratic_damping_growth_has_no_bound_and_meets_no_limit(find, swivel):
     """At C_d = 0 there is no stable cycle, which must not pass for an amplitude of zero."""
-    found = find({"smallest": "quadratic_damping", "below": 50.0, "between": [0, 10]})
+    found = find({"smallest": "quadratic_damping", "below": 3.0, "between": [0, 10]})
     assert found["outcome"] == "found"
-    assert 0.0 < found["value"] < 0.1
-    assert found["decided_by"]["cycle"]["amplitude"]["swivel"] == pytest.approx(50.0, rel=1e-8)
+    assert 0.3 < found["value"] < 0.5
+    cycle = found["decided_by"]["cycle"]
+    assert cycle["amplitude"]["swivel"] == pytest.approx(3.0, rel=1e-8)
+    assert [excess["quantity"] for excess in cycle["beyond_limits"]] == [
+        "strut_tilt", "swivel", "tyre_deflection"]
+    # A cycle beyond half a turn is none.
+    beyond = find({"smallest": "quadratic_damping", "below": 50.0, "between": [0, 10]})
+    assert (beyond["outcome"], beyond["decided_by"]["by"]) == ("found", "growth")
+    assert 0.9 * found["value"] < beyond["value"] < found["value"]
+    assert swivel([40.0], quadratic_damping=1.01 * beyond["value"])[0] == pytest.approx(
+        math.pi, rel=0.03)
 
 
 def test_a_limit_may_hold_at_the_end_of_the_range_or_nowhere(find, swivel):
@@ -179,3 +193,65 @@ def test_a_search_goes_on_in_slices(present):
     query = read_query({"taxi_velocity": VELOCITIES, "find": {
         "smallest": "quadratic_damping", "below": 0.07}}, present, 10)
     assert list(itertools.islice(evaluate(query), 100)) == [None] * 100
+
+
+def test_growth_without_bound_meets_no_limit_and_its_end_is_found(find, swivel):
+    """Without quadratic damping no cycle is stable: what a kick starts grows for ever."""
+    for query in ({"taxi_velocity": 40}, {"taxi_velocity": {"from": 30, "to": 40}}):
+        found = find({"smallest": "linear_damping", "below": "2 deg"}, quadratic_damping=0, **query)
+        assert found["outcome"] == "found"
+        assert found["decided_by"]["by"] == "growth"
+        assert found["decided_by"]["cycle"] is None
+        assert found["value"] > 50.0
+    # The linear modes that grow without friction are what grows; near the end of their growth it
+    # takes larger kicks than any that are tried.
+    gear, damper = reference_parameters()
+    rate = [linear_modes(gear, changed(damper, linear_damping=factor * found["value"]),
+                         found["decided_by"]["taxi_velocity"]).growth_rate[0]
+            for factor in (1.0, 1.05)]
+    assert rate[0] > 0.0 > rate[1]
+    velocity = found["decided_by"]["taxi_velocity"]
+    assert swivel([velocity], quadratic_damping=0.0,
+                  linear_damping=0.99 * found["value"])[0] == math.inf
+    exceeded = find({"largest_loss": "linear_damping", "below": 1.0}, quadratic_damping=0)
+    assert exceeded["outcome"] == "exceeded_now"
+
+
+def told(monkeypatch, outcome_of):
+    """Scans get the outcomes, and for motion that is not periodic the swivel's envelope, that
+    ``outcome_of`` has for a quadratic damping."""
+
+    def stable_cycle(point, settings, start):
+        outcome, swivel = outcome_of(point.damper.quadratic_damping)
+        envelope = np.array([0.0, swivel, 0.0, 0.0]) if outcome is Outcome.NOT_PERIODIC else None
+        return Verdict(point, settings, outcome, envelope=envelope, reason="as told")
+
+    monkeypatch.setattr(scan, "stable_cycle", stable_cycle)
+
+
+def test_an_envelope_counts_as_an_amplitude(find, monkeypatch):
+    told(monkeypatch, lambda damping: (Outcome.NOT_PERIODIC, 1.0 / (1.0 + damping)))
+    found = find({"smallest": "quadratic_damping", "below": 0.1})
+    assert found["decided_by"]["by"] == "envelope"
+    assert found["value"] == pytest.approx(9.0, rel=1e-6)
+
+
+def test_growth_that_ends_at_once_is_found(find, monkeypatch):
+    told(monkeypatch, lambda damping: (
+        Outcome.UNBOUNDED if damping == 0.0 else Outcome.NO_LIMIT_CYCLE, 0.0))
+    found = find({"smallest": "quadratic_damping", "below": 0.1})
+    assert found["decided_by"]["by"] == "growth"
+    assert 0.0 < found["value"] < 1e-7
+
+
+def test_an_answer_that_did_not_converge_is_none(find, monkeypatch):
+    told(monkeypatch, lambda damping: (Outcome.NOT_CONVERGED, 0.0))
+    found = find({"smallest": "quadratic_damping", "below": 0.1})
+    assert found["outcome"] == "not_converged"
+    assert found["message"] == "did not converge: as told"
+
+
+def test_where_growth_has_no_end_no_value_is_found(find, monkeypatch):
+    told(monkeypatch, lambda damping: (Outcome.UNBOUNDED, 0.0))
+    found = find({"smallest": "quadratic_damping", "below": 50.0})
+    assert (found["outcome"], found["value"]) == ("nowhere", None)

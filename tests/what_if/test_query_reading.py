@@ -10,14 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shimmy_ros.cycles.settings import Settings
 from shimmy_ros.gear.parameter_file import reference_parameters
-from shimmy_ros.gear.parameters import VELOCITY_RANGE, Damper, Gear, ranges
+from shimmy_ros.gear.parameters import VELOCITY_RANGE, Damper, Gear, Limits, ranges
 from shimmy_ros.what_if.query import PARAMETERS, Cancel, Present
 from shimmy_ros.what_if.reading import read_query
 from shimmy_ros.what_if.text import QueryError, read_mapping
 
 GEAR, DAMPER = reference_parameters()
-PRESENT = Present(GEAR, DAMPER, 40.0, 4, 1.0)
+PRESENT = Present(GEAR, DAMPER, 40.0, Settings())
 
 
 def read(content, present=PRESENT, maximum_points=10_000):
@@ -41,7 +42,7 @@ def test_an_empty_query_is_about_the_present():
     ((number, at, point),) = query.points()
     assert (number, at, len(query)) == (0, {}, 1)
     assert (point.gear, point.damper, point.velocity) == (GEAR, DAMPER, 40.0)
-    assert (query.harmonics, query.accuracy, query.minimum_velocity) == (4, None, 1.0)
+    assert query.settings == Settings(4, 0.01, minimum_velocity=1.0)
     assert (query.id, query.returns, query.find) == (None, ("limit_cycle",), None)
 
 
@@ -97,14 +98,16 @@ def test_a_grid_is_even_and_has_both_ends(start, end, count):
 
 def test_what_was_used_reads_as_a_query():
     for query in ({"coulomb_torque": [1.0, 2.0], "harmonics": 7, "return": ["margin", "trigger"]},
-                  {"taxi_velocity": {"from": 10.0, "to": 30.0, "points": 5}, "accuracy": 0.01},
+                  {"taxi_velocity": {"from": 10.0, "to": 30.0, "points": 5}, "accuracy": 0.01,
+                   "limits": {"swivel": 0.2}},
                   {"taxi_velocity": {"from": 10, "to": 30}, "trail": [0.06, 0.07],
                    "find": {"smallest": "linear_damping", "below": "2 deg"}}):
         first = read(query)
         inputs = first.inputs()
         assert inputs.pop("minimum_velocity") == 1.0
         # What was found by default is named now.
-        other = Present(replace(GEAR, trail=0.05), DAMPER, None, 1, 1.0)
+        other = Present(replace(GEAR, trail=0.05), DAMPER, None,
+                        Settings(1, 0.2, limits=Limits(0.1, 0.1, 0.1)))
         assert read(inputs, present=other).inputs() == first.inputs()
 
 
@@ -158,7 +161,12 @@ def test_the_number_of_points_is_bounded():
     ({"taxi_velocity": {"from": 1, "to": 2}}, "taxi_velocity", "points is missing"),
     ({"harmonics": 0}, "harmonics", "[1, 64]"), ({"harmonics": 4.5}, "harmonics", "whole number"),
     ({"harmonics": True}, "harmonics", "True"), ({"accuracy": 0.9}, "accuracy", "[1e-09, 0.5]"),
-    ({"harmonics": 4, "accuracy": 0.1}, "accuracy", "exclude each other"),
+    ({"limits": [0.1]}, "limits", "a mapping of some of swivel, strut_tilt, tyre_deflection"),
+    ({"limits": {"damper": 0.1}}, "limits.damper", "it has swivel, strut_tilt, tyre_deflection"),
+    ({"limits": {"swivel": 4.0}}, "limits.swivel", "[1e-06, 3.14159] rad"),
+    ({"limits": {"swivel": "190 deg"}}, "limits.swivel", "[1e-06, 3.14159] rad"),
+    ({"limits": {"strut_tilt": True}}, "limits.strut_tilt", "True"),
+    ({"limits": {"tyre_deflection": "2 deg"}}, "limits.tyre_deflection", "'2 deg'"),
     ({"return": "amplitude"}, "return", "must be one of limit_cycle, all_cycles, trigger, margin"),
     ({"return": ["margin", 3]}, "return[1]", "is 3"), ({"return": []}, "return", "one or more"),
     ({"return": ["margin"] * 2}, "return", "each once"), ({"return": {}}, "return", "is {}"),
