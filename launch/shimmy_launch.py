@@ -25,7 +25,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "gear_file",
                 default_value=reference_gear,
-                description="Params file with the groups gear and damper.",
+                description="Params file with the groups gear, damper and, if need be, limits.",
             ),
             DeclareLaunchArgument(
                 "params_file",

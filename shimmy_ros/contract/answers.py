@@ -1,4 +1,4 @@
-"""A prediction as the records of the predictor's topics."""
+"""A verdict as the records of the predictor's topics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .records import JOINTS, Level, LimitCycleAmplitude, LimitCycleOrbit, Status
 
 # Whoever only writes answers need not import the solver.
 if TYPE_CHECKING:
-    from ..cycles.prediction import Prediction
+    from ..cycles.verdict import Verdict
 
 Real = NDArray[np.float64]
 
@@ -29,73 +29,85 @@ ANSWER_TOPICS = ("limit_cycle/amplitude", "limit_cycle/frequency", "limit_cycle/
 
 Record = LimitCycleAmplitude | LimitCycleOrbit | float | tuple[Status, ...]
 
+_LEVELS = {
+    "limit_cycle": Level.OK, "no_limit_cycle": Level.OK, "not_periodic": Level.WARN,
+    "not_rolling": Level.WARN, "unbounded": Level.ERROR, "not_converged": Level.ERROR}
+
 
 @dataclass(frozen=True)
-class CycleNumbers:
-    """A limit cycle: ``coefficients`` (4, 2N), angular ``frequency`` [rad/s], peaks by joint."""
+class Course:
+    """The course of a limit cycle: ``coefficients`` (4, 2N), angular ``frequency`` [rad/s]."""
 
     coefficients: Real
     frequency: float
-    amplitude: tuple[float, ...]
-    peak_velocity: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What a prediction says, in plain values: it can be sent to a process without the solver.
+    """What a verdict says, in plain values: it can be sent to a process without the solver.
 
-    ``level`` is OK with an answer, which ``cycle`` is, or that there is none where that is None.
+    ``amplitude`` and ``peak_velocity`` are those of the joints, to be compared with a limit: zero
+    without a limit cycle alone, infinite for motion that grows without bound, NaN where nothing is
+    known. ``course`` is there exactly if there is a limit cycle. ``values`` are the status's.
     """
 
     level: Level
     message: str
-    cycle: CycleNumbers | None
+    amplitude: tuple[float, ...]
+    peak_velocity: tuple[float, ...]
+    course: Course | None
     values: Mapping[str, str]
 
+    @property
+    def outcome(self) -> str:
+        """How it ended, by its name in the contract."""
+        return self.values["outcome"]
 
-def findings(prediction: Prediction) -> Findings:
-    """What ``prediction`` says."""
-    level = Level.OK
-    if prediction.failed:
-        level = Level.ERROR
-    elif prediction.stands:
-        level = Level.WARN
-    cycle, numbers = prediction.limit_cycle, None
-    if cycle is not None:
-        numbers = CycleNumbers(cycle.coefficients, cycle.frequency,
-                               tuple(cycle.amplitude().tolist()),
-                               tuple(cycle.peak_velocity().tolist()))
-    damper = prediction.point.damper
-    return Findings(level, prediction.message, numbers, {
-        "outcome": prediction.outcome,
-        "taxi_velocity": repr(prediction.point.velocity),
-        "linear_damping": repr(damper.linear_damping),
-        "quadratic_damping": repr(damper.quadratic_damping),
-        "coulomb_torque": repr(damper.coulomb_torque),
-        "harmonics": str(prediction.harmonics),
-        "iterations": str(prediction.iterations),
-        "residual": repr(prediction.residual),
-        "start": "warm" if prediction.warm else "cold",
-    })
+
+def findings(verdict: Verdict) -> Findings:
+    """What ``verdict`` says; a limit cycle beyond the model's limits is no ordinary answer."""
+    outcome, orbit = verdict.outcome.value, verdict.orbit
+    level = _LEVELS[outcome]
+    beyond = verdict.beyond_limits
+    if beyond:
+        level = max(level, Level.WARN)
+    course, harmonics = None, verdict.settings.harmonics
+    if orbit is not None:
+        series = orbit.series
+        course = Course(series.coefficients, series.frequency)
+        harmonics = orbit.harmonics or harmonics
+    damper = verdict.point.damper
+    return Findings(
+        level, verdict.message, tuple(verdict.amplitude.tolist()),
+        tuple(verdict.peak_velocity.tolist()), course, {
+            "outcome": outcome,
+            "taxi_velocity": repr(verdict.point.velocity),
+            "linear_damping": repr(damper.linear_damping),
+            "quadratic_damping": repr(damper.quadratic_damping),
+            "coulomb_torque": repr(damper.coulomb_torque),
+            "method": "" if orbit is None else orbit.method,
+            "harmonics": str(harmonics),
+            "work": str(verdict.work),
+            "residual": repr(verdict.residual),
+            "start": "warm" if verdict.warm else "cold",
+            "beyond_limits": beyond,
+            "further_stable_cycles": str(len(verdict.further)),
+            "rest": {True: "stable", False: "unstable", None: ""}[verdict.rest_is_stable],
+        })
 
 
 def answer(found: Findings, stamp_ns: int, hardware_id: str, solve_time_s: float = math.nan
            ) -> Mapping[str, Record]:
     """The records of the predictor's topics, by name, stamped with the velocity sample's stamp.
 
-    Without a limit cycle, amplitudes are zero, the frequency is NaN and the orbit has no points;
-    where there is no answer (not converged, not rolling) amplitudes are NaN as well.
+    Without a limit cycle the frequency is NaN and the orbit has no points.
     """
-    cycle = found.cycle
-    if cycle is None:
-        nothing = (0.0 if found.level is Level.OK else math.nan,) * len(JOINTS)
-        amplitude = LimitCycleAmplitude(stamp_ns, nothing, nothing)
-    else:
-        amplitude = LimitCycleAmplitude(stamp_ns, cycle.amplitude, cycle.peak_velocity)
+    course = found.course
     return {
-        "limit_cycle/amplitude": amplitude,
-        "limit_cycle/frequency": math.nan if cycle is None else cycle.frequency / (2.0 * math.pi),
-        "limit_cycle/orbit": _orbit(cycle, stamp_ns),
+        "limit_cycle/amplitude": LimitCycleAmplitude(
+            stamp_ns, found.amplitude, found.peak_velocity),
+        "limit_cycle/frequency": math.nan if course is None else course.frequency / (2.0 * math.pi),
+        "limit_cycle/orbit": _orbit(course, stamp_ns),
         "limit_cycle/status": (Status(
             stamp_ns, "predictor: limit cycle", hardware_id, found.level, found.message,
             {**found.values, "solve_time": repr(solve_time_s)}),),
@@ -109,16 +121,16 @@ def answer_messages(names: Mapping[str, str], found: Findings, stamp_ns: int, ha
         yield names[name], CODECS[name].encode(record)
 
 
-def _orbit(cycle: CycleNumbers | None, stamp_ns: int) -> LimitCycleOrbit:
-    if cycle is None:
+def _orbit(course: Course | None, stamp_ns: int) -> LimitCycleOrbit:
+    if course is None:
         none = np.zeros((0, len(JOINTS)))
         return LimitCycleOrbit(stamp_ns, np.zeros(0, dtype=np.int64), none, none)
-    coefficients = cycle.coefficients.T
+    coefficients = course.coefficients.T
     shares, waves, slopes = _sampling(len(coefficients) // 2)
-    period = 2.0 * math.pi / cycle.frequency
+    period = 2.0 * math.pi / course.frequency
     times_ns = np.rint(1e9 * period * shares).astype(np.int64)
     return LimitCycleOrbit(stamp_ns, times_ns, waves @ coefficients,
-                           cycle.frequency * (slopes @ coefficients))
+                           course.frequency * (slopes @ coefficients))
 
 
 @lru_cache(maxsize=8)

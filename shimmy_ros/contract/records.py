@@ -60,7 +60,10 @@ class GearResponse:
 
 @dataclass(frozen=True)
 class LimitCycleAmplitude:
-    """Peak position and velocity over the limit cycle, four each: 0 without one, NaN unknown.
+    """Peak position and velocity over the limit cycle, four each.
+
+    Zero without one, infinite for motion that grows without bound, the bounds of motion that is not
+    periodic (whose velocities are NaN), and NaN where nothing is known.
 
     ``stamp_ns`` is that of the velocity sample. Raises MessageError for another number of values.
     """

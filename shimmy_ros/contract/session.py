@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..cycles.prediction import Prediction, Predictor
+from ..cycles.prediction import Predictor
+from ..cycles.verdict import Verdict
 from ..gear.parameters import VELOCITY_RANGE, Damper, Gear
 from ..gear.system import OperatingPoint
 from .records import TaxiVelocity
@@ -18,8 +19,8 @@ UNSTAMPED = "a velocity sample has a stamp of zero; such samples get the time of
 class Session:
     """A predictor's state between messages: gear, damper, last velocity sample, warm start.
 
-    The same samples and the same changes in the same order give the same predictions, to the last
-    bit. ``jumps`` counts how often time went back, ``unstamped`` the samples without a stamp.
+    The same samples and the same changes in the same order give the same answers, to the last bit.
+    ``jumps`` counts how often time went back, ``unstamped`` the samples without a stamp.
     """
 
     def __init__(self, gear: Gear, damper: Damper, predictor: Predictor) -> None:
@@ -52,7 +53,7 @@ class Session:
         self.predictor.forget()
         return f"time jumped back by {1e-9 * back_ns:g} s; the next answer starts cold"
 
-    def predict(self) -> Prediction | None:
+    def predict(self) -> Verdict | None:
         """The answer for the current sample, gear and damper; None before the first sample."""
         if self.sample is None:
             return None

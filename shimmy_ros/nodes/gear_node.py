@@ -18,6 +18,7 @@ from ..contract.messages import CODECS
 from ..contract.records import Level, MessageError, Status, TaxiVelocity
 from ..contract.session import REFERENCE_HARDWARE
 from ..contract.spec import Topic, load_contract
+from ..gear.parameter_file import reference_parameters
 from ..gear.parameters import (
     DEFAULT_MINIMUM_VELOCITY,
     MINIMUM_VELOCITY_RANGE,
@@ -30,7 +31,7 @@ from ..gear.parameters import (
 from .interface import publisher, subscription
 from .parameters import (
     changed_group,
-    declare_gear_and_damper,
+    declare_group,
     declare_number,
     declare_setting,
     refusal,
@@ -54,7 +55,7 @@ class GearNode(LifecycleNode):
         """``party`` is the node's name in the contract. Raises ParameterError."""
         super().__init__(name, **options)
         self._party = party
-        self.gear, self.damper = declare_gear_and_damper(self)
+        self.gear, self.damper = (declare_group(self, group) for group in reference_parameters())
         self.minimum_velocity = declare_number(
             self, "minimum_velocity", DEFAULT_MINIMUM_VELOCITY, MINIMUM_VELOCITY_RANGE)
         self._hardware_id = declare_setting(
@@ -66,7 +67,7 @@ class GearNode(LifecycleNode):
             self, "autostart", True, "configure and activate at the start")
         self._refuse_impossible_transitions()
         self._finalized = False
-        self._failed = False
+        self.failed = False
         self.active = False
         self.velocity: TaxiVelocity | None = None
         self._velocity_received_ns = 0
@@ -80,6 +81,11 @@ class GearNode(LifecycleNode):
         self._diagnostics_timer: Any = None
 
     # --- what a node adds -----------------------------------------------------------------
+
+    @property
+    def holds_a_bag(self) -> bool:
+        """Whether a bag is open, which must not be cut."""
+        return False
 
     def on_velocity(self, sample: TaxiVelocity) -> None:
         """A valid velocity sample came in; self.velocity is still the one before."""
@@ -147,11 +153,11 @@ class GearNode(LifecycleNode):
         """Finalise, from whatever state the node is in; False where something has failed."""
         if not self._finalized:
             self.trigger_shutdown()
-        return not self._failed
+        return not self.failed
 
     def fail(self, sentence: str) -> None:
         """Say what has failed; the node goes on, but its process ends with a status of failure."""
-        self._failed = True
+        self.failed = True
         self.get_logger().fatal(sentence)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:

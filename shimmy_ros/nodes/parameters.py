@@ -1,4 +1,4 @@
-"""Gear and damper as node parameters, and the checks of every parameter's value."""
+"""Gear, damper and limits as node parameters, and the checks of every parameter's value."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ..gear.parameter_file import reference_parameters
-from ..gear.parameters import Damper, Gear, ParameterError, Range, changed, ranges
+from ..gear.parameters import ParameterError, Range, changed, ranges
 
 
 def declare_number(node: Node, name: str, default: float, range_: Range) -> float:
@@ -45,19 +44,28 @@ def declare_setting(node: Node, name: str, default: bool | str, description: str
     return _declared(node, name, default, descriptor, f"a {type(default).__name__}")
 
 
-def declare_gear_and_damper(node: Node) -> tuple[Gear, Damper]:
-    """Declare ``gear.*`` and ``damper.*``, by default the reference gear. Raises ParameterError."""
-    gear, damper = reference_parameters()
-    known = {f"{kind.__name__.lower()}.{name}" for kind in (Gear, Damper) for name in ranges(kind)}
+def declare_group(node: Node, default: Any) -> Any:
+    """Declare a Gear, a Damper or Limits as ``gear.*``, ``damper.*`` or ``limits.*``.
+
+    ``default`` has the default values; returns the values that the node has. Raises ParameterError
+    for a value that is refused, and for the name of a parameter that the group does not have.
+    """
+    group = type(default).__name__.lower()
+    known = ranges(type(default))
     for name in node._parameter_overrides:
-        if name.startswith(("gear.", "damper.")) and name not in known:
+        if name.startswith(f"{group}.") and name.removeprefix(f"{group}.") not in known:
             raise ParameterError(f"parameter {name} is unknown, but must be one of "
-                                 f"{', '.join(sorted(known))}")
-    return _declare_group(node, gear), _declare_group(node, damper)
+                                 + ", ".join(f"{group}.{item}" for item in sorted(known)))
+    values = {name: declare_number(node, f"{group}.{name}", getattr(default, name), range_)
+              for name, range_ in known.items()}
+    return changed(default, **values)
 
 
 def changed_group(group: Any, parameters: Iterable[Parameter]) -> Any:
-    """A Gear or a Damper with those of ``parameters`` that are its own. Raises ParameterError."""
+    """A Gear, a Damper or Limits with those of ``parameters`` that are its own.
+
+    Raises ParameterError.
+    """
     prefix = type(group).__name__.lower() + "."
     values = {
         parameter.name.removeprefix(prefix): parameter.value
@@ -69,15 +77,6 @@ def changed_group(group: Any, parameters: Iterable[Parameter]) -> Any:
 def refusal(error: ParameterError) -> SetParametersResult:
     """The answer to a change that is refused."""
     return SetParametersResult(successful=False, reason=str(error))
-
-
-def _declare_group(node: Node, default: Any) -> Any:
-    group = type(default).__name__.lower()
-    values = {
-        name: declare_number(node, f"{group}.{name}", getattr(default, name), range_)
-        for name, range_ in ranges(type(default)).items()
-    }
-    return changed(default, **values)
 
 
 def _declared(node: Node, name: str, default: Any, descriptor: ParameterDescriptor,

@@ -3,31 +3,37 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 from rclpy.parameter import Parameter
 
-from ..contract.answers import ANSWER_TOPICS, answer, findings
+from ..contract.answers import ANSWER_TOPICS, Findings, answer, findings
 from ..contract.messages import CODECS
 from ..contract.records import Level, TaxiVelocity
 from ..contract.session import UNSTAMPED, Session
-from ..cycles.prediction import (
+from ..cycles.prediction import Predictor
+from ..cycles.settings import (
+    ACCURACY_RANGE,
+    BUDGET_RANGE,
+    DEFAULT_ACCURACY,
+    DEFAULT_BUDGET,
     DEFAULT_HARMONICS,
     HARMONICS_RANGE,
-    Prediction,
-    Predictor,
-    check_harmonics,
+    Settings,
 )
 from ..gear.parameter_file import reference_parameters
-from ..gear.parameters import Range
+from ..gear.parameters import Limits, Range
 from ..gear.system import OperatingPoint
 from ..what_if.query import Present
 from ..what_if.reply import DEFAULT_MAXIMUM_POINTS
 from .gear_node import GearNode
 from .interface import publisher
-from .parameters import declare_count
+from .parameters import changed_group, declare_count, declare_group, declare_number
 from .what_if import WhatIf
 
+# Settings of the solver that are parameters by the same name.
+_SETTINGS = ("harmonics", "accuracy", "budget", "minimum_velocity")
 # At the last one the swivel sticks, which the balance cannot answer.
 _WARM_UP_VELOCITIES = (40.0, 41.0, 7.0)
 _MAXIMUM_POINTS_RANGE = Range("points", "points that a what-if query may have", 1, 1_000_000)
@@ -39,12 +45,14 @@ class PredictorNode(GearNode):
     def __init__(self, **options: Any) -> None:
         """Raises ParameterError."""
         super().__init__("predictor", "predictor", **options)
-        harmonics = declare_count(self, "harmonics", DEFAULT_HARMONICS, HARMONICS_RANGE)
-        self._session = Session(
-            self.gear, self.damper, Predictor(harmonics, self.minimum_velocity))
+        self._session = Session(self.gear, self.damper, Predictor(Settings(
+            harmonics=declare_count(self, "harmonics", DEFAULT_HARMONICS, HARMONICS_RANGE),
+            accuracy=declare_number(self, "accuracy", DEFAULT_ACCURACY, ACCURACY_RANGE),
+            budget=declare_number(self, "budget", DEFAULT_BUDGET, BUDGET_RANGE),
+            minimum_velocity=self.minimum_velocity, limits=declare_group(self, Limits()))))
         self._answer_publishers: dict[str, Any] = {}
         self._outcomes: dict[str, int] = {}
-        self._last: tuple[Prediction, float] | None = None
+        self._last: tuple[Findings, float] | None = None
         self._change = self.create_guard_condition(self._answer_change)
         self._change_pending = False
         self._maximum_points = declare_count(
@@ -91,20 +99,18 @@ class PredictorNode(GearNode):
         self._answer_change()
 
     def check_parameter(self, parameter: Parameter) -> None:
-        """The number of harmonics has to be a whole one in its range, that of points as well."""
-        if parameter.name == "harmonics":
-            check_harmonics(parameter.value)
-        elif parameter.name == "what_if_maximum_points":
+        """The solver's settings have to be in their ranges, the number of points as well."""
+        if parameter.name == "what_if_maximum_points":
             _MAXIMUM_POINTS_RANGE.check(parameter.name, parameter.value)
+        replace(self._session.predictor.settings, **self._settings_of(parameter))
 
     def apply_parameter(self, parameter: Parameter) -> None:
-        """Take over the number of harmonics, the minimum velocity and the number of points."""
-        if parameter.name == "harmonics":
-            self._session.predictor.harmonics = parameter.value
-        elif parameter.name == "minimum_velocity":
-            self._session.predictor.minimum_velocity = parameter.value
-        elif parameter.name == "what_if_maximum_points":
+        """Take over the solver's settings and the number of points."""
+        if parameter.name == "what_if_maximum_points":
             self._maximum_points = parameter.value
+        settings = self._settings_of(parameter)
+        if settings:
+            self._session.predictor.use(**settings)
 
     def statuses(self) -> list[tuple[str, Level, str, dict[str, str]]]:
         """How the last answer went, and how many of each kind there were."""
@@ -112,17 +118,26 @@ class PredictorNode(GearNode):
         values["time jumps"] = str(self._session.jumps)
         if self._last is None:
             return [("solver", Level.OK, "nothing to answer yet", values), self._what_if.status()]
-        prediction, solve_time = self._last
+        found, solve_time = self._last
         values["solve_time"] = repr(solve_time)
-        level = Level.ERROR if prediction.failed else Level.OK
-        return [("solver", level, prediction.message, values), self._what_if.status()]
+        # An aircraft that stands is nothing to be warned of.
+        level = Level.OK if found.outcome == "not_rolling" else found.level
+        return [("solver", level, found.message, values), self._what_if.status()]
+
+    def _settings_of(self, parameter: Parameter) -> dict[str, Any]:
+        """What a parameter changes of the solver's settings. Raises ParameterError."""
+        if parameter.name in _SETTINGS:
+            return {parameter.name: parameter.value}
+        limits = self._session.predictor.settings.limits
+        after = changed_group(limits, [parameter])
+        return {} if after is limits else {"limits": after}
 
     def _present(self) -> Present | None:
         if not self.active:
             return None
-        predictor, sample = self._session.predictor, self._session.sample
+        settings, sample = self._session.predictor.settings, self._session.sample
         return Present(self.gear, self.damper, None if sample is None else sample.velocity,
-                       predictor.harmonics, predictor.minimum_velocity)
+                       settings)
 
     def _warm_up(self) -> None:
         # The first solves after an installation compile the solver, cold and warm, for some
@@ -142,13 +157,14 @@ class PredictorNode(GearNode):
             return
         self._change_pending = False
         started = time.perf_counter()
-        prediction = self._session.predict()
+        verdict = self._session.predict()
         solve_time = time.perf_counter() - started
-        self._last = prediction, solve_time
-        self._outcomes[prediction.outcome] = self._outcomes.get(prediction.outcome, 0) + 1
-        if prediction.failed:
+        found = findings(verdict)
+        self._last = found, solve_time
+        self._outcomes[found.outcome] = self._outcomes.get(found.outcome, 0) + 1
+        if found.level is Level.ERROR:
             self.get_logger().error(
-                f"at {sample.velocity:g} m/s: {prediction.message}", throttle_duration_sec=5.0)
-        records = answer(findings(prediction), sample.stamp_ns, self._hardware_id, solve_time)
-        for name, record in records.items():
+                f"at {sample.velocity:g} m/s: {found.message}", throttle_duration_sec=5.0)
+        for name, record in answer(
+                found, sample.stamp_ns, self._hardware_id, solve_time).items():
             self._answer_publishers[name].publish(CODECS[name].encode(record))

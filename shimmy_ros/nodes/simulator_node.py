@@ -59,6 +59,11 @@ class SimulatorNode(GearNode):
 
     # --- lifecycle ------------------------------------------------------------------------
 
+    @property
+    def holds_a_bag(self) -> bool:
+        """Whether a run is being recorded."""
+        return self._recorder.directory is not None
+
     def open(self) -> None:
         """Create the response's publisher, the kick service and what listens for the bag."""
         super().open()

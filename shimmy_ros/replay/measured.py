@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
@@ -18,6 +19,7 @@ from ..contract.records import JOINTS, MessageError
 from ..contract.session import Session
 from ..contract.typestore import JOINT_STATE
 from ..report.comparison import Comparison, summary
+from ..report.kinds import UNKNOWN, beyond_of, kind_of_status, outcome_of
 from ..report.matching import Matcher, Sample
 from ..report.recording import Recording
 from ..report.thinning import Envelope, Thinned
@@ -26,7 +28,8 @@ from .replay import Inputs
 
 SWIVEL = "swivel"
 COLUMNS = ("time_s", "taxi_velocity_m_per_s", "measured_amplitude_rad", "measured_frequency_hz",
-           "predicted_amplitude_rad", "predicted_frequency_hz")
+           "predicted_amplitude_rad", "predicted_frequency_hz", "predicted_outcome",
+           "beyond_limits")
 _SWIVEL_INDEX = JOINTS.index(SWIVEL)
 _MARKED_CHANGES = 200
 
@@ -101,8 +104,9 @@ class MotionComparison:
         self._log_ns = 0
         self._offset_ns = 0
         self._last_ns: int | None = None
-        self._in_force = (math.nan, math.nan, math.nan)
-        self._answers, self._cycles = Thinned(4), Thinned(len(COLUMNS))
+        self._in_force = (math.nan, math.nan, math.nan, UNKNOWN)
+        self._answers = Thinned(1 + len(self._in_force))
+        self._cycles = Thinned(len(fields(Comparison)))
         self._envelope = Envelope()
         self._changes: list[tuple[float, str, float]] = []
 
@@ -127,7 +131,8 @@ class MotionComparison:
         time_s = self._seconds(message.log_time_ns)
         assert session.sample is not None
         amplitude = records["limit_cycle/amplitude"].position[_SWIVEL_INDEX]
-        self._in_force = session.sample.velocity, amplitude, records["limit_cycle/frequency"]
+        self._in_force = (session.sample.velocity, amplitude, records["limit_cycle/frequency"],
+                          kind_of_status(records["limit_cycle/status"][0].values))
         self._answers.add(time_s, *self._in_force)
         name = self._damper.get(message.topic)
         if name is not None and len(self._changes) < _MARKED_CHANGES:
@@ -149,13 +154,13 @@ class MotionComparison:
         from ..report.picture import draw_run
 
         self._write(self._matcher.finish())
-        time, velocity, amplitude, frequency = self._answers.table.T
+        time, velocity, *predicted = self._answers.table.T
         line_time, line = self._envelope.line
         position = np.full((line.size, len(JOINTS)), math.nan)
         position[:, _SWIVEL_INDEX] = line
         recording = Recording(
             (time, velocity), (line_time, position, np.full_like(position, math.nan)),
-            (time, amplitude, frequency), tuple(self._changes), outcomes, ())
+            (time, *predicted), tuple(self._changes), outcomes, ())
         comparison = Comparison(*self._cycles.table.T)
         draw_run(recording, comparison, title, picture)
         return summary(comparison, recording)
@@ -165,8 +170,8 @@ class MotionComparison:
 
     def _write(self, comparisons: Iterable[Comparison]) -> None:
         for found in comparisons:
-            columns = (found.time, found.velocity, found.amplitude, found.frequency,
-                       found.predicted_amplitude, found.predicted_frequency)
-            for row in zip(*(column.tolist() for column in columns), strict=True):
-                self._rows.writerow([f"{row[0]:.6f}", *map(repr, row[1:])])
+            for row in zip(*(column.tolist() for column in astuple(found)), strict=True):
+                *numbers, kind = row
+                self._rows.writerow([f"{numbers[0]:.6f}", *map(repr, numbers[1:]),
+                                     outcome_of(kind), beyond_of(kind)])
                 self._cycles.add(*row)

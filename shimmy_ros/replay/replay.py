@@ -1,4 +1,4 @@
-"""The messages of a bag, and the prediction that a live node would have given for each."""
+"""The messages of a bag, and the verdict that a live node would have come to for each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..contract.messages import CODECS
 from ..contract.records import MessageError, TaxiVelocity
 from ..contract.session import Session
 from ..contract.spec import load_contract
-from ..cycles.prediction import Prediction
+from ..cycles.verdict import Verdict
 from ..gear.parameters import ParameterError, changed
 from .fields import velocity_reader
 
@@ -80,7 +80,7 @@ class Step(NamedTuple):
     """A message, and the answer to it; None for what a predictor does not answer."""
 
     message: BagMessage
-    prediction: Prediction | None
+    verdict: Verdict | None
 
 
 class Replay:
@@ -118,7 +118,7 @@ class Replay:
         for message in self.messages:
             yield Step(message, self._answer(message))
 
-    def _answer(self, message: BagMessage) -> Prediction | None:
+    def _answer(self, message: BagMessage) -> Verdict | None:
         topic = message.topic
         try:
             if topic == self._inputs.velocity:

@@ -35,21 +35,21 @@ class AnswerWriter:
 
     def write(self, step: Step) -> None:
         """Write a step, and its answer if it has one. Raises OSError."""
-        message, prediction = step
+        message, verdict = step
         if self._with_input and message.topic not in self._older:
             copy_message(message, self._bag)
         sample = self._session.sample
-        if prediction is not None and sample is not None:
-            self.outcomes[prediction.outcome] += 1
+        if verdict is not None and sample is not None:
+            self.outcomes[verdict.outcome.value] += 1
             # What it found is a few numbers, but their messages take as long as the prediction.
             self._bag.write_made(
                 answer_messages,
-                (self._names, findings(prediction), sample.stamp_ns, self._hardware_id),
+                (self._names, findings(verdict), sample.stamp_ns, self._hardware_id),
                 message.log_time_ns)
 
     def records(self, step: Step) -> Mapping[str, Record] | None:
         """The records of a step's answer, if it has one."""
         sample = self._session.sample
-        if step.prediction is None or sample is None:
+        if step.verdict is None or sample is None:
             return None
-        return answer(findings(step.prediction), sample.stamp_ns, self._hardware_id)
+        return answer(findings(step.verdict), sample.stamp_ns, self._hardware_id)

@@ -41,6 +41,12 @@ def load(type_name):
     return getattr(importlib.import_module(f"{package}.{kind}"), name)
 
 
+def _program(kind):
+    """What Python has to run for a node of shimmy_ros, or for one that the tests make of it."""
+    own = Path(__file__).with_name(f"{kind}.py")
+    return [str(own)] if own.exists() else ["-m", f"shimmy_ros.nodes.{kind}"]
+
+
 class NodeProcess:
     """A node of shimmy_ros as a process of its own; what it prints and logs is in ``log()``."""
 
@@ -49,8 +55,8 @@ class NodeProcess:
         self._log = directory / f"{kind}_{time.monotonic_ns()}.log"
         with self._log.open("w") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", f"shimmy_ros.nodes.{kind}", "--ros-args",
-                 "-r", f"__ns:={NAMESPACE}", *arguments],
+                [sys.executable, *_program(kind), "--ros-args", "-r", f"__ns:={NAMESPACE}",
+                 *arguments],
                 env=environment, cwd=directory, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
 
     @property

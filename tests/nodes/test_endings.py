@@ -12,6 +12,8 @@ from shimmy_ros.bag.reader import read_messages
 
 PARTIES = ("predictor", "simulator")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# From a signal to the end of a node.
+LONGEST_S = 2.0
 
 
 def wait_until_caught(node):
@@ -60,6 +62,64 @@ def test_more_signals_change_nothing(stage, tmp_path):
     recorded = read_messages(metadata.parent, ["/test/gear_response"])
     assert len(list(recorded)) > 0
     assert not recorded.damage
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("busy_in", ["python", "compiled"])
+def test_a_computation_that_does_not_end_keeps_no_node(stage, busy_in, number):
+    node = stage.start("busy", busy_in=busy_in)
+    bench = stage.bench
+    bench.join("predictor")
+
+    def busy():
+        bench.send_velocity(40.0)
+        return "busy" in node.log()
+
+    bench.wait_until(busy, "the node to be busy")
+    time.sleep(0.3)
+    begun = time.monotonic()
+    assert node.stop(number) == 0, node.log()
+    assert time.monotonic() - begun < LONGEST_S
+    assert "a computation did not end" in node.log()
+
+
+def test_a_gear_that_is_hard_to_solve_keeps_no_node(stage):
+    # Its modes are a million times slower than the time in which the wheel turns.
+    node = stage.start("predictor", gear__swivel_inertia=1e6, gear__trail=0.0, budget=1000.0,
+                       gear__tyre_lateral_stiffness="0.000001")
+    bench = stage.bench
+    bench.join("predictor")
+    bench.send_velocity(40.0)
+    bench.spin_for(1.0)
+    begun = time.monotonic()
+    assert node.stop(signal.SIGTERM) == 0, node.log()
+    assert time.monotonic() - begun < LONGEST_S
+
+
+def test_a_bag_that_takes_long_to_close_is_not_cut(stage, tmp_path):
+    node = stage.start("slow")
+    bench = stage.bench
+    bench.listen("gear_response")
+    bench.join("simulator")
+    bench.wait_until(lambda: len(bench.received["gear_response"]) > 100, "a run")
+    begun = time.monotonic()
+    assert node.stop(signal.SIGTERM) == 0, node.log()
+    assert time.monotonic() - begun > 3.0
+    (metadata,) = tmp_path.glob("shimmy_2*/metadata.yaml")
+    recorded = read_messages(metadata.parent, ["/test/gear_response"])
+    assert len(list(recorded)) > 100
+    assert not recorded.damage
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_idle_nodes_end_at_once_and_of_themselves(stage, number):
+    nodes = [stage.start("predictor"), stage.start("simulator")]
+    stage.bench.join(*PARTIES)
+    for node in nodes:
+        begun = time.monotonic()
+        assert node.stop(number) == 0, node.log()
+        assert time.monotonic() - begun < LONGEST_S
+        assert "did not end" not in node.log()
 
 
 def test_a_signal_during_a_solve(stage):

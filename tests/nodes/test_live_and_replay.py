@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from pathlib import Path
 
 import pytest
 
@@ -113,17 +114,30 @@ def recorded_numbers(name, data):
             [(key, value) for key, value in status.values.items() if key != "solve_time"])
 
 
-@pytest.mark.parametrize("simulated_time", ["false", "true"])
-def test_a_replay_is_the_live_node_to_the_last_bit(stage, tmp_path, simulated_time):
+REFERENCE = Path(__file__).parents[2] / "config" / "reference_gear.yaml"
+LIMITS = "{predictor: {ros__parameters: {limits: {swivel: 0.1}}}}"
+
+
+@pytest.mark.parametrize(("parameters", "options"), [
+    ({"use_sim_time": "false"}, []),
+    ({"use_sim_time": "true"}, []),
+    ({"accuracy": 0.001, "budget": 2.0, "limits__swivel": 0.1},
+     ["--accuracy=0.001", "--budget=2", f"--gear={REFERENCE}", "--gear=limits.yaml"])],
+    ids=["system's time", "simulated time", "other settings"])
+def test_a_replay_is_the_live_node_to_the_last_bit(
+        stage, tmp_path, monkeypatch, parameters, options):
+    monkeypatch.chdir(tmp_path)
+    Path("limits.yaml").write_text(LIMITS)
     bench = stage.bench
-    stage.start("predictor", use_sim_time=simulated_time)
+    stage.start("predictor", **parameters)
     bench.listen(*ANSWERS)
     bench.join("predictor")
     play(bench)
     messages = heard(bench)
     assert len(messages) >= 19
     record(messages, tmp_path / "heard")
-    assert main(["replay", str(tmp_path / "heard"), "-o", str(tmp_path / "out")]) == 0
+    assert main(["replay", str(tmp_path / "heard"), "-o", str(tmp_path / "out"),
+                 *options]) == 0
     for name in ANSWERS:
         live = [numbers(name, message) for message in bench.received[name]]
         replayed = [recorded_numbers(name, message.data) for message in
@@ -134,6 +148,9 @@ def test_a_replay_is_the_live_node_to_the_last_bit(stage, tmp_path, simulated_ti
     outcomes = {dict(numbers("limit_cycle/status", message)[-1])["outcome"]
                 for message in bench.received["limit_cycle/status"]}
     assert outcomes == {"limit_cycle", "no_limit_cycle", "not_rolling"}
+    marked = [dict(numbers("limit_cycle/status", message)[-1])["beyond_limits"]
+              for message in bench.received["limit_cycle/status"]]
+    assert any(marked) == bool(options)
 
 
 def test_time_that_jumps_back_drops_the_warm_start_and_is_reported_once(stage):

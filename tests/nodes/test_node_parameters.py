@@ -11,13 +11,17 @@ import pytest
 import yaml
 
 from shimmy_ros.cli.main import main
-from shimmy_ros.gear.parameters import Damper, Gear, ranges
+from shimmy_ros.cycles.settings import ACCURACY_RANGE, BUDGET_RANGE
+from shimmy_ros.gear.parameters import Damper, Gear, Limits, ranges
 
 REFERENCE_FILE = Path(__file__).parents[2] / "config" / "reference_gear.yaml"
 REFERENCE = yaml.safe_load(REFERENCE_FILE.read_text(encoding="utf-8"))["/**"]["ros__parameters"]
 PHYSICAL = {f"{group}.{name}": (REFERENCE[group][name], range_)
             for group, values in (("gear", Gear), ("damper", Damper))
             for name, range_ in ranges(values).items()}
+SOLVER = {f"limits.{name}": (getattr(Limits(), name), range_)
+          for name, range_ in ranges(Limits).items()} | {
+    "accuracy": (0.01, ACCURACY_RANGE), "budget": (1.0, BUDGET_RANGE)}
 PARTIES = ("predictor", "simulator")
 
 
@@ -28,7 +32,8 @@ def bench(both):
     for party in PARTIES:
         values = {name: value for name, (value, _) in PHYSICAL.items()}
         settings = {"minimum_velocity": 1.0} | (
-            {"harmonics": 4} if party == "predictor" else {"kick_swivel_rate": 3.0})
+            {"harmonics": 4} | {name: value for name, (value, _) in SOLVER.items()}
+            if party == "predictor" else {"kick_swivel_rate": 3.0})
         results = both.bench.set_parameters(party, **values, **settings)
         assert all(success for success, _ in results), results
 
@@ -38,19 +43,22 @@ def test_nodes_start_themselves(both, party):
     both.bench.wait_until(lambda: both.bench.state(party) == "active", f"the {party}")
 
 
-@pytest.mark.parametrize("party", PARTIES)
-def test_gear_and_damper_are_described_with_unit_and_range(both, party):
+@pytest.mark.parametrize(("party", "parameters"), [
+    ("predictor", PHYSICAL), ("simulator", PHYSICAL), ("predictor", SOLVER)],
+    ids=["predictor", "simulator", "solver"])
+def test_parameters_are_described_with_unit_and_range(both, party, parameters):
     descriptors = both.bench.call(
         f"{party}/describe_parameters", "rcl_interfaces/srv/DescribeParameters",
-        names=list(PHYSICAL)).descriptors
-    assert len(descriptors) == 19
+        names=list(parameters)).descriptors
+    assert len(descriptors) == len(parameters) == {id(PHYSICAL): 19, id(SOLVER): 5}[id(parameters)]
     for descriptor in descriptors:
-        _, expected = PHYSICAL[descriptor.name]
+        _, expected = parameters[descriptor.name]
         (allowed,) = descriptor.floating_point_range
         assert (allowed.from_value, allowed.to_value) == (expected.low, expected.high)
         assert f"[{expected.unit}]" in descriptor.description
         assert not descriptor.read_only
-    assert both.bench.get_parameters(party, *PHYSICAL) == [value for value, _ in PHYSICAL.values()]
+    assert both.bench.get_parameters(party, *parameters) == [
+        value for value, _ in parameters.values()]
 
 
 def test_a_change_of_the_gear_is_answered_for_the_last_velocity(bench, tmp_path, capsys):
@@ -141,10 +149,14 @@ def test_values_that_fit_only_together_are_taken_together(bench):
 def test_the_number_of_harmonics_can_be_changed(bench, capsys, harmonics):
     asked = bench.ask(20.0)
     assert bench.set_parameters("predictor", harmonics=harmonics) == [(True, "")]
-    answer = bench.await_answer(lambda answer: answer.values["harmonics"] == str(harmonics),
+    # One harmonic is not accurate to 1 %.
+    assert bench.set_parameters("predictor", accuracy=0.5) == [(True, "")]
+    answer = bench.await_answer(lambda answer: answer.values["harmonics"] == str(harmonics)
+                                and answer.values["method"] == "ihb",
                                 "an answer with the new number")
     assert answer.status.header.stamp == asked.status.header.stamp
-    assert main(["predict", "--velocity=20", "--json", f"--harmonics={harmonics}"]) == 0
+    assert main(["predict", "--velocity=20", "--json", f"--harmonics={harmonics}",
+                 "--accuracy=0.5"]) == 0
     expected = json.loads(capsys.readouterr().out)
     assert answer.amplitude.position[1] == pytest.approx(expected["amplitude"]["swivel"], rel=1e-9)
 
@@ -155,6 +167,42 @@ def test_a_bad_number_of_harmonics_is_refused(bench, harmonics):
     assert not success
     assert "harmonics" in reason
     assert bench.get_parameters("predictor", "harmonics") == [4]
+
+
+SOLVER_REFUSED = {
+    "no accuracy": ("accuracy", 0.0, ("accuracy", "1e-09", "0.5")),
+    "any accuracy": ("accuracy", 0.6, ("accuracy", "0.6", "0.5")),
+    "infinite budget": ("budget", math.inf, ("budget", "inf")),
+    "no budget": ("budget", 0.0, ("budget", "0.0", "0.001")),
+    "no limit": ("limits__swivel", 0.0, ("limits.swivel", "0.0")),
+    "no number": ("limits__tyre_deflection", math.nan, ("limits.tyre_deflection", "nan")),
+    "negative": ("limits__strut_tilt", -0.1, ("limits.strut_tilt", "-0.1")),
+}
+
+
+@pytest.mark.parametrize("case", SOLVER_REFUSED)
+def test_a_bad_setting_of_the_solver_is_refused_with_a_reason(bench, case):
+    keyword, value, words = SOLVER_REFUSED[case]
+    name = keyword.replace("__", ".")
+    ((success, reason),) = bench.set_parameters("predictor", **{keyword: value})
+    assert not success
+    assert all(word in reason for word in words), reason
+    assert bench.get_parameters("predictor", name) == [SOLVER[name][0]]
+
+
+def test_the_accuracy_counts_at_once(bench, capsys):
+    asked = bench.ask(20.0)
+    assert bench.set_parameters("predictor", accuracy=1e-4) == [(True, "")]
+    assert main(["predict", "--velocity=20", "--json", "--accuracy=1e-4"]) == 0
+    expected = json.loads(capsys.readouterr().out)
+    assert expected["estimated_error"] <= 1e-4
+    assert expected["amplitude"]["swivel"] != pytest.approx(asked.amplitude.position[1], rel=1e-9)
+    answer = bench.await_answer(
+        lambda answer: answer.amplitude.position[1] == pytest.approx(
+            expected["amplitude"]["swivel"], rel=1e-9)
+        and (answer.values["method"], answer.values["harmonics"]) == (
+            expected["method"], str(expected["harmonics"])), "an answer that is more accurate")
+    assert answer.status.header.stamp == asked.status.header.stamp
 
 
 def test_the_minimum_velocity_counts_at_once(bench):
@@ -183,7 +231,8 @@ def test_a_gear_at_the_bounds_stops_no_node(both, bench, name, bound):
     responses = len(bench.received["gear_response"])
     bench.wait_until(lambda: len(bench.received["gear_response"]) > responses + 50,
                      "the simulator to go on")
-    assert bench.ask(41.0).values["outcome"] in ("limit_cycle", "no_limit_cycle", "not_converged")
+    assert bench.ask(41.0).values["outcome"] in (
+        "limit_cycle", "no_limit_cycle", "unbounded", "not_periodic", "not_converged")
     assert not any(node.ended for node in both.nodes.values())
 
 
@@ -209,9 +258,11 @@ def test_another_publishing_rate_counts_from_the_next_run(bench):
 def test_params_files_override_each_other(stage, tmp_path):
     config = REFERENCE_FILE.parent
     own = tmp_path / "own.yaml"
-    own.write_text("/test/predictor: {ros__parameters: {harmonics: 3, gear: {trail: 0.09}}}")
+    own.write_text("/**: {ros__parameters: {harmonics: 3, limits: {swivel: 0.3}, "
+                   "gear: {trail: 0.09}}}")
     stage.start("predictor", *(word for file in (REFERENCE_FILE, config / "damper_50_10.yaml", own)
                                for word in ("--params-file", str(file))))
     assert stage.bench.get_parameters(
         "predictor", "damper.quadratic_damping", "damper.coulomb_torque", "harmonics",
-        "gear.trail", "gear.wheel_mass") == [50.0, 10.0, 3, 0.09, 25.0]
+        "gear.trail", "gear.wheel_mass", "limits.swivel", "limits.strut_tilt") == [
+            50.0, 10.0, 3, 0.09, 25.0, 0.3, 0.2]

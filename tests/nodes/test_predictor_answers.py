@@ -56,8 +56,13 @@ def test_an_answer_is_that_of_the_command(bench, capsys, velocity):
     values = answer.values
     assert values["outcome"] == expected["outcome"] == "limit_cycle"
     assert values["start"] in ("warm", "cold")
-    assert int(values["harmonics"]) == expected["harmonics"] == 4
-    assert int(values["iterations"]) >= 1
+    assert values["method"] == expected["method"]
+    assert int(values["harmonics"]) == expected["harmonics"] >= 4
+    assert int(values["work"]) >= 0
+    assert int(values["further_stable_cycles"]) == len(expected["further_stable_cycles"])
+    assert values["beyond_limits"] == ""
+    assert values["rest"] == {True: "stable", False: "unstable", None: ""}[
+        expected["rest_is_stable"]]
     assert 0.0 <= float(values["residual"]) < 1e-9
     assert float(values["solve_time"]) > 0.0
     assert float(values["taxi_velocity"]) == velocity
@@ -133,6 +138,32 @@ def solver_values(bench):
     """What the predictor reports of its solver, from now on."""
     status = bench.await_diagnostic("predictor: solver", lambda status: True, "a report")
     return {item.key: item.value for item in status.values}
+
+
+def test_an_answer_beyond_the_limits_is_marked_from_now_on(bench):
+    def marked(answer):
+        return answer.values["beyond_limits"] != ""
+
+    asked = bench.ask(40.0)
+    swivel = asked.amplitude.position[1]
+    assert not marked(asked)
+    try:
+        assert bench.set_parameters("predictor", limits__swivel=0.1) == [(True, "")]
+        answer = bench.await_answer(marked, "an answer that is marked")
+        text = f"swivel {swivel:.4g} rad > 0.1 rad"
+        assert answer.values["beyond_limits"] == text
+        assert answer.values["outcome"] == "limit_cycle"
+        assert answer.status.status[0].level == b"\x01"
+        assert text in answer.status.status[0].message
+        assert answer.amplitude.position[1] == pytest.approx(swivel, rel=1e-9)
+        report = bench.await_diagnostic(
+            "predictor: solver", lambda status: text in status.message, "a report that is marked")
+        assert report.level == b"\x01"
+    finally:
+        assert bench.set_parameters("predictor", limits__swivel=0.5) == [(True, "")]
+    bench.await_answer(lambda answer: not marked(answer), "an answer that is none such")
+    bench.await_diagnostic("predictor: solver", lambda status: status.level == b"\x00",
+                           "a report of an ordinary answer")
 
 
 def test_no_limit_cycle_is_an_answer(bench, capsys):

@@ -17,6 +17,10 @@ WRONG = {
     "misspelt": ("predictor", "gear.trial:=0.1", "gear.trial", "gear.trail"),
     "minimum velocity": ("simulator", "minimum_velocity:=0.001", "minimum_velocity", "0.01"),
     "harmonics": ("predictor", "harmonics:=0", "harmonics", "0", "64"),
+    "accuracy": ("predictor", "accuracy:=0.9", "accuracy", "0.9", "0.5"),
+    "budget": ("predictor", "budget:=0.0", "budget", "0.001"),
+    "limit": ("predictor", "limits.swivel:=7.0", "limits.swivel", "7", "rad"),
+    "misspelt limit": ("predictor", "limits.tilt:=0.1", "limits.tilt", "limits.strut_tilt"),
     "rate": ("simulator", "publish_rate:=1e6", "publish_rate", "1000000", "5000"),
 }
 

@@ -93,8 +93,8 @@ def assert_settles_at(bench, point):
     """The oscillation settles within 1 % of the prediction."""
     forget_the_past(bench)
     amplitude, frequency = settled_cycle(bench)
-    cycle = Predictor().predict(point).limit_cycle
-    assert amplitude == pytest.approx(cycle.amplitude()[SWIVEL], rel=0.01)
+    cycle = Predictor().predict(point).orbit
+    assert amplitude == pytest.approx(cycle.amplitude[SWIVEL], rel=0.01)
     assert frequency == pytest.approx(cycle.frequency_hz, rel=0.01)
 
 

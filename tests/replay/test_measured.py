@@ -70,8 +70,12 @@ def compare(samples, answers, in_order=True):
     session = SimpleNamespace(sample=SimpleNamespace(velocity=40.0), damper=None)
     events = [(log, Motion(round(stamp * SECOND), angle, math.nan), None)
               for log, stamp, angle in samples]
-    events += [(log, None, {"limit_cycle/amplitude": SimpleNamespace(position=(0.0, value)),
-                            "limit_cycle/frequency": 10.0}) for log, value in answers]
+    events += [(log, None, {
+        "limit_cycle/amplitude": SimpleNamespace(position=(0.0, value)),
+        "limit_cycle/frequency": 10.0,
+        "limit_cycle/status": (SimpleNamespace(values={
+            "outcome": "unbounded" if math.isinf(value) else "limit_cycle",
+            "beyond_limits": "far" if value > 0.25 else ""}),)}) for log, value in answers]
     if in_order:
         events.sort(key=lambda event: event[0])
     for log, motion, records in events:
@@ -92,10 +96,13 @@ def test_each_cycle_has_the_answer_that_was_in_force(tmp_path):
     summary = comparison.finish({"limit_cycle": 2}, "title", tmp_path / "picture.png")
     assert "(2 predictions)" in summary
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
-    rows = [{name: float(value) for name, value in row.items()}
-            for row in csv.DictReader(io.StringIO(stream.getvalue()))]
+    rows = list(csv.DictReader(io.StringIO(stream.getvalue())))
     assert len(rows) >= 27
-    for row in rows:
+    for texts in rows:
+        named = texts.pop("predicted_outcome"), texts.pop("beyond_limits")
+        row = {name: float(value) for name, value in texts.items()}
+        assert named == (("", "") if row["time_s"] < 0.5 else (
+            "limit_cycle", "yes" if row["time_s"] >= 1.5 else "no"))
         expected = 0.3 if row["time_s"] >= 1.5 else 0.2
         if row["time_s"] < 0.5:
             assert math.isnan(row["predicted_amplitude_rad"])
@@ -103,6 +110,18 @@ def test_each_cycle_has_the_answer_that_was_in_force(tmp_path):
             assert row["predicted_amplitude_rad"] == expected
         assert row["measured_amplitude_rad"] == pytest.approx(0.1, rel=1e-3)
         assert row["measured_frequency_hz"] == pytest.approx(10.0, rel=1e-4)
+
+
+def test_motion_without_bound_is_named_in_the_table(tmp_path):
+    stream, comparison = compare(shimmy(2.0), [(100.0, math.inf), (101.0, 0.2)])
+    summary = comparison.finish({"unbounded": 1, "limit_cycle": 1}, "", tmp_path / "picture.png")
+    assert "; unbounded for 1.0 s, from 40.0 to 40.0 m/s" in summary
+    rows = list(csv.DictReader(io.StringIO(stream.getvalue())))
+    early = [row for row in rows if float(row["time_s"]) < 0.95]
+    assert len(early) >= 8
+    assert {row["predicted_outcome"] for row in early} == {"unbounded"}
+    assert {row["predicted_outcome"] for row in rows if float(row["time_s"]) > 1.0} == {
+        "limit_cycle"}
 
 
 def test_stamps_of_another_clock_and_a_loop(tmp_path):
