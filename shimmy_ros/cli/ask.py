@@ -10,12 +10,17 @@ from typing import Any
 
 from tqdm import tqdm
 
-from ..cycles.prediction import check_harmonics
-from ..gear.parameters import DEFAULT_MINIMUM_VELOCITY, MINIMUM_VELOCITY_RANGE, ParameterError
+from ..gear.parameters import ParameterError
 from ..what_if.query import Present
 from ..what_if.reply import DEFAULT_MAXIMUM_POINTS, REFUSED, Json
 from ..what_if.tables import tables
-from .options import Commands, add_gear_options, add_harmonics_option, gear_and_damper
+from .options import (
+    Commands,
+    add_gear_options,
+    add_settings_options,
+    gear_and_damper,
+    settings_of,
+)
 from .progress import stoppable
 
 DEFAULT_NAMESPACE = "/shimmy"
@@ -28,8 +33,8 @@ def add_command(commands: Commands) -> None:
         description="Answer a query as on the topic what_if/query (msgs_spec/"
         "what_if_query.schema.json), for example '{taxi_velocity: {from: 10, to: 100, points: 10}, "
         "coulomb_torque: [5, 20]}' or '{taxi_velocity: {from: 10, to: 100}, find: {smallest: "
-        "quadratic_damping, below: 2 deg}}'. Exit status 0 with an answer, 1 where a solve did not "
-        "converge, 2 where the query was refused.")
+        "quadratic_damping, below: 2 deg}}'. Exit status 0 with answers everywhere, 1 where a "
+        "solve did not converge, 2 where the query was refused, 130 when interrupted.")
     parser.add_argument("query", metavar="QUERY", help="JSON or YAML; - reads it from stdin")
     parser.add_argument("--node", metavar="NAMESPACE", nargs="?", const=DEFAULT_NAMESPACE,
                         help="ask the predictor that runs in this namespace (default: "
@@ -38,10 +43,7 @@ def add_command(commands: Commands) -> None:
     parser.add_argument("--velocity", type=float, metavar="V",
                         help="taxi velocity where the query names none, m/s")
     add_gear_options(parser)
-    add_harmonics_option(parser)
-    parser.add_argument("--minimum-velocity", type=float, metavar="V",
-                        default=DEFAULT_MINIMUM_VELOCITY,
-                        help="below it the tyre does not roll (default: %(default)s m/s)")
+    add_settings_options(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=run)
 
@@ -89,10 +91,9 @@ def _from_here(text: str, options: argparse.Namespace) -> Iterator[Json]:
     from ..what_if.desk import Desk
 
     gear, damper = gear_and_damper(options)
-    minimum = MINIMUM_VELOCITY_RANGE.check("--minimum-velocity", options.minimum_velocity)
     desk = Desk()
-    desk.take(0, text, Present(gear, damper, options.velocity, check_harmonics(options.harmonics),
-                               minimum), DEFAULT_MAXIMUM_POINTS)
+    desk.take(0, text, Present(gear, damper, options.velocity, settings_of(options)),
+              DEFAULT_MAXIMUM_POINTS)
     while True:
         for reply in desk.replies():
             yield reply.answer

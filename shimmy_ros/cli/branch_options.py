@@ -6,16 +6,16 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cycles.branches import AUTO, BALANCE, DEFAULT_ACCURACY, METHODS, SHOOTING, Settings
-from ..cycles.prediction import check_harmonics
+from ..cycles.settings import AUTO, BALANCE, METHODS, SHOOTING, Settings
 from ..gear.axes import VELOCITY, Axis, axis_names
 from ..gear.parameters import ParameterError
 from ..gear.system import OperatingPoint
 from ..report.branch_table import Row, write_csv, write_json
-from .options import add_harmonics_option
+from .options import add_settings_options, settings_of
 from .progress import INTERRUPTED, STOPPED
 
 DEFAULT_STEPS = 50
@@ -23,11 +23,8 @@ MOST_STEPS = 10_000
 
 
 def add_branch_options(parser: argparse.ArgumentParser) -> None:
-    """How branches of limit cycles are followed."""
-    add_harmonics_option(parser)
-    parser.add_argument("--accuracy", type=float, metavar="E", default=DEFAULT_ACCURACY,
-                        help="estimated relative error up to which the balance is trusted "
-                        "(default: %(default)s)")
+    """How limit cycles are computed."""
+    add_settings_options(parser)
     parser.add_argument("--method", choices=METHODS, default=AUTO,
                         help=f"{AUTO} changes from {BALANCE} to {SHOOTING} where the swivel sticks "
                         "and where the balance is not accurate enough (default: %(default)s)")
@@ -42,7 +39,7 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
 
 def branch_settings(options: argparse.Namespace) -> Settings:
     """What add_branch_options' options name. Raises ParameterError."""
-    return Settings(check_harmonics(options.harmonics), options.accuracy, options.method)
+    return replace(settings_of(options), method=options.method)
 
 
 def axis_named(name: str) -> Axis:

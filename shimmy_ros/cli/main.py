@@ -18,7 +18,10 @@ BAD_INPUT = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; 0 with an answer, 1 for a failure, 2 on bad input, 130 when interrupted."""
+    """Run the command; 0 with an answer, 1 for a failure, 2 on bad input, 130 when interrupted.
+
+    ``shimmy predict`` has 3 as well, for motion that grows without bound.
+    """
     try:
         options = _parsed(sys.argv[1:] if arguments is None else arguments)
         status = int(options.run(options))

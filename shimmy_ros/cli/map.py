@@ -34,10 +34,11 @@ def add_command(commands: Commands) -> None:
     """Declare the subcommand."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "map", help="swivel amplitude over two parameters, with the boundary of shimmy",
-        description="Compute the stable limit cycle over two parameters and track the folds in "
-        "which it vanishes, the boundary of shimmy. Prints CSV unless it goes to a file. Exit "
-        "status 0 with answers everywhere, 1 where some did not converge, 2 on bad input, 130 when "
-        "interrupted, with what is finished in the files.")
+        description="What every node over two parameters comes to: the stable limit cycle, or why "
+        "there is none; and the folds in which the cycle vanishes, the boundary of shimmy. Prints "
+        "CSV unless it goes to a file. Exit status 0 with answers everywhere, unbounded being one, "
+        "1 where some did not converge, 2 on bad input, 130 when interrupted, with what is "
+        "finished in the files.")
     for name, default in (("x", [VELOCITY, "10", "100"]),
                           ("y", ["damper.coulomb_torque", "0", "300"])):
         parser.add_argument(
@@ -111,9 +112,8 @@ def _compute(shimmy: AmplitudeMap, options: argparse.Namespace) -> bool:
 
 def _rows(shimmy: AmplitudeMap) -> list[Row]:
     names = (shimmy.x.name, shimmy.y.name)
-    rows = [node_row(names, (x, y), shimmy.stable(row, column),
-                     column in shimmy.rows[row].undecided)
-            for row, y in enumerate(shimmy.ys[:len(shimmy.rows)])
-            for column, x in enumerate(shimmy.xs)]
-    return rows + [fold_row(names, fold) for curve in shimmy.curves
+    rows = [node_row(names, (x, y), node)
+            for y, row in zip(shimmy.ys, shimmy.rows, strict=False)
+            for x, node in zip(shimmy.xs, row, strict=True)]
+    return rows + [fold_row(names, fold, shimmy.beyond_limits(fold)) for curve in shimmy.curves
                    for fold in sorted(curve, key=lambda fold: fold.order)]

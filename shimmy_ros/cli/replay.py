@@ -14,10 +14,9 @@ from ..bag.reader import Bag
 from ..contract.session import REFERENCE_HARDWARE, UNSTAMPED, Session
 from ..contract.spec import load_contract
 from ..cycles.prediction import Predictor
-from ..gear.parameters import DEFAULT_MINIMUM_VELOCITY
 from ..replay.replay import DEFAULT_NAMESPACE, Inputs, Replay, find_inputs
 from ..replay.writing import AnswerWriter
-from .options import Commands, add_gear_options, add_harmonics_option, gear_and_damper
+from .options import Commands, add_gear_options, add_settings_options, gear_and_damper, settings_of
 from .progress import INTERRUPTED, STOPPED, stoppable, until_stopped
 
 NO_ANSWER = 1
@@ -50,10 +49,7 @@ def add_command(commands: Commands) -> None:
     parser.add_argument("--response-topic", metavar="T[:JOINT]",
                         help="JointState to compare with (default: gear_response, joint swivel)")
     add_gear_options(parser)
-    add_harmonics_option(parser)
-    parser.add_argument("--minimum-velocity", type=float, metavar="V",
-                        default=DEFAULT_MINIMUM_VELOCITY,
-                        help="below it the tyre does not roll (default: %(default)s m/s)")
+    add_settings_options(parser)
     parser.add_argument("--hardware-id", metavar="ID", default=REFERENCE_HARDWARE,
                         help="of the status messages, as the node's parameter "
                         "(default: %(default)s)")
@@ -63,7 +59,7 @@ def add_command(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> int:
     """Replay and report; raises ParameterError and BagError on bad input, and OSError."""
     gear, damper = gear_and_damper(options)
-    session = Session(gear, damper, Predictor(options.harmonics, options.minimum_velocity))
+    session = Session(gear, damper, Predictor(settings_of(options)))
     bag = Bag(options.bag)
     channels = bag.channels()
     inputs = find_inputs(channels, options.velocity_topic, options.namespace)
@@ -82,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         stop = stack.enter_context(stoppable())
         writer = AnswerWriter(
-            stack.enter_context(new_bag(out, _settings(options, session, inputs))),
+            stack.enter_context(new_bag(out, _settings(session, inputs))),
             inputs, session, options.hardware_id, options.with_input)
         comparison = None
         if options.compare:
@@ -114,12 +110,15 @@ def default_output(bag: Path, suffix: str) -> Path:
     return Path(f"{name}_{suffix}")
 
 
-def _settings(options: argparse.Namespace, session: Session, inputs: Inputs) -> dict[str, str]:
+def _settings(session: Session, inputs: Inputs) -> dict[str, str]:
     """What the answers depend on besides the bag, for the new one."""
+    used = session.predictor.settings
     settings = {
         **{f"gear.{name}": value for name, value in asdict(session.gear).items()},
         **{f"damper.{name}": value for name, value in asdict(session.damper).items()},
-        "harmonics": options.harmonics, "minimum_velocity": options.minimum_velocity,
+        **{f"limits.{name}": value for name, value in asdict(used.limits).items()},
+        "harmonics": used.harmonics, "accuracy": used.accuracy, "budget": used.budget,
+        "minimum_velocity": used.minimum_velocity,
         "velocity_topic": inputs.velocity, "velocity_field": inputs.field,
         "namespace": inputs.namespace,
     }

@@ -34,10 +34,11 @@ def add_command(commands: Commands) -> None:
     """Declare the subcommand."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "sweep", help="limit cycles over one parameter",
-        description="Follow the limit cycles over one parameter: the stable ones up and down, "
-        "with the jumps at folds, or all of them. Prints CSV unless it goes to a file. Exit status "
-        "0 with answers everywhere, 1 where some did not converge, 2 on bad input, 130 when "
-        "interrupted, with what is finished in the files.")
+        description="What every value of one parameter comes to, up and down: the motion stays on "
+        "its stable limit cycle up to the fold in which that ends, and then goes where a kick "
+        "leads; or all branches of limit cycles. Prints CSV unless it goes to a file. Exit status "
+        "0 with answers everywhere, unbounded being one, 1 where some did not converge, 2 on bad "
+        "input, 130 when interrupted, with what is finished in the files.")
     parser.add_argument("parameter", nargs="?", default=VELOCITY, metavar="PARAMETER",
                         help=f"{VELOCITY}, or a name from the parameter file, such as "
                         "damper.coulomb_torque or gear.trail (default: %(default)s)")
@@ -81,20 +82,24 @@ def run(options: argparse.Namespace) -> int:
         # matplotlib takes its time to import, and is not needed otherwise.
         from ..report.branch_picture import draw_diagram
 
-        draw_diagram(diagram.points, axis.label, (values[0], values[-1]),
-                     f"Limit cycles over {axis.name}\n{setting_of(point, options, {axis.name})}",
-                     file)
+        draw_diagram(diagram, axis.label, f"Limit cycles over {axis.name}\n"
+                     f"{setting_of(point, options, {axis.name})}", file)
 
     return deliver(options, _rows(diagram, options, finished),
                    head_of(point, [axis.name], diagram.losses), draw, diagram.losses, finished)
 
 
 def _trace(diagram: Diagram, everything: bool) -> bool:
-    """Trace the branches; False when the user asked to stop."""
-    points = diagram.trace_all() if everything else diagram.trace_stable()
-    with stoppable() as stop, tqdm(points, desc="following branches", unit=" points",
-                                   disable=not sys.stderr.isatty()) as bar:
-        for _ in bar:
+    """Find answers and branches; False when the user asked to stop."""
+    hidden = not sys.stderr.isatty()
+    with stoppable() as stop:
+        if not everything:
+            for _ in tqdm(diagram.judge(), total=len(diagram.values), desc="answering",
+                          unit=" values", disable=hidden):
+                if stop.requested:
+                    return False
+        points = diagram.trace_all() if everything else diagram.trace_stable()
+        for _ in tqdm(points, desc="following branches", unit=" points", disable=hidden):
             if stop.requested:
                 return False
     return True
@@ -107,6 +112,6 @@ def _rows(diagram: Diagram, options: argparse.Namespace, finished: bool) -> list
         return [branch_row(name, point) for point in ordered]
     answers = [answer for upwards in _DIRECTIONS[options.direction]
                for answer in sweep_points(diagram, upwards)]
-    # An unfinished search has not shown that there is no cycle.
+    # An unfinished search has not shown that motion is on no branch.
     return [sweep_row(name, answer) for answer in answers
             if finished or answer.orbit is not None]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..contract.spec import load_contract
+from ..ihb.solution import Outcome
 from ..simulation.measurement import measure_cycles
+from .kinds import MARKED, of_outcome, stretches
 from .recording import Array, Recording
 
 # A motion smaller than this is no shimmy that a rig would measure.
@@ -19,8 +22,8 @@ class Comparison:
     """The swivel's cycles of a run; every array has shape (n,).
 
     ``time`` [s] is the middle of a cycle, ``velocity`` [m/s] the taxi velocity then; ``amplitude``
-    [rad] and ``frequency`` [Hz] are measured, ``predicted_amplitude`` and ``predicted_frequency``
-    the last answer before that time (NaN without one).
+    [rad] and ``frequency`` [Hz] are measured, ``predicted_amplitude``, ``predicted_frequency`` and
+    ``kind`` (see `kinds`) the last answer before that time (NaN without one).
     """
 
     time: Array
@@ -29,6 +32,7 @@ class Comparison:
     frequency: Array
     predicted_amplitude: Array
     predicted_frequency: Array
+    kind: Array
 
 
 def compare(recording: Recording) -> Comparison:
@@ -46,15 +50,20 @@ def compare(recording: Recording) -> Comparison:
     middle, measured, frequency = (np.concatenate(values) for values in zip(
         *((0.5 * (cycles.start + cycles.end), cycles.amplitude, cycles.frequency)
           for cycles in pieces), strict=True))
-    answered, predicted, predicted_frequency = recording.predictions
+    answered, *predicted = recording.predictions
     return Comparison(
         middle, _held(middle, *recording.velocity), measured, frequency,
-        _held(middle, answered, predicted), _held(middle, answered, predicted_frequency))
+        *(_held(middle, answered, values) for values in predicted))
 
 
 def summary(comparison: Comparison, recording: Recording) -> str:
-    """One line: how far apart measurement and prediction are, and over what range."""
-    shimmy = comparison.predicted_amplitude > 0.0
+    """One line: how far apart measurement and prediction are, over what range, and what else the
+    answers were."""
+    return "; ".join([_agreement(comparison, recording), *_remarks(recording)])
+
+
+def _agreement(comparison: Comparison, recording: Recording) -> str:
+    shimmy = of_outcome(comparison.kind, Outcome.LIMIT_CYCLE)
     answers = sum(recording.outcomes.values())
     if not shimmy.any():
         return (f"{answers} predictions, {comparison.time.size} measured cycles, none of them "
@@ -70,6 +79,18 @@ def summary(comparison: Comparison, recording: Recording) -> str:
         f"predicted; over {measured.size} cycles the median difference is "
         f"{100.0 * amplitude:.2f} % in amplitude and {100.0 * frequency:.2f} % in frequency "
         f"({answers} predictions)")
+
+
+def _remarks(recording: Recording) -> Iterator[str]:
+    """For how long, and at which velocities, answers were no ordinary ones."""
+    time, _, _, kinds = recording.predictions
+    velocity = _held(time, *recording.velocity)
+    for name, which in MARKED.items():
+        marked = which(kinds)
+        if marked.any():
+            lasting = sum(end - start for start, end in stretches(marked, time, recording.end))
+            yield (f"{name} for {lasting:.1f} s, from {velocity[marked].max():.1f} to "
+                   f"{velocity[marked].min():.1f} m/s")
 
 
 def _held(at: Array, time: Array, value: Array) -> Array:

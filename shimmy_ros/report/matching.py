@@ -24,7 +24,8 @@ class Sample(NamedTuple):
     """One sample of a motion, and what was predicted then.
 
     ``time`` [s]; ``position`` [rad] and ``rate`` [rad/s] of the joint, the rate NaN where it is
-    not known; taxi ``velocity`` [m/s], predicted ``amplitude`` [rad] and ``frequency`` [Hz].
+    not known; taxi ``velocity`` [m/s], predicted ``amplitude`` [rad] and ``frequency`` [Hz], and
+    the ``kind`` of that answer.
     """
 
     time: float
@@ -33,6 +34,7 @@ class Sample(NamedTuple):
     velocity: float
     amplitude: float
     frequency: float
+    kind: float
 
 
 class Matcher:
@@ -90,7 +92,7 @@ class Matcher:
             self._measured_until = float(cycles.end[new][-1])
             then = piece[np.searchsorted(piece[:, 0], middle, side="right") - 1]
             yield Comparison(*(column[new] for column in (
-                middle, then[:, 3], cycles.amplitude, cycles.frequency, then[:, 4], then[:, 5])))
+                middle, then[:, 3], cycles.amplitude, cycles.frequency, *then[:, 4:].T)))
 
 
 def _measured(table: Array) -> Cycles:

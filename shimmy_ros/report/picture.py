@@ -11,7 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ..ihb.solution import Outcome
 from .comparison import Comparison
+from .kinds import MARKED, of_outcome, stretches
 from .recording import Recording
 
 _MEASURED: dict[str, Any] = {
@@ -19,6 +21,9 @@ _MEASURED: dict[str, Any] = {
 _PREDICTED: dict[str, Any] = {"color": "tab:blue", "linewidth": 1.0}
 _SYMBOLS = {"damper/linear_damping": "$C_t$", "damper/quadratic_damping": "$C_d$",
             "damper/coulomb_torque": "$T_{CF}$"}
+_BOUNDS: dict[str, Any] = {**_PREDICTED, "linestyle": "--"}
+_COLOURS = {"unbounded": "tab:red", "beyond the model's limits": "gold",
+            "not periodic": "tab:purple", "not converged": "tab:brown"}
 _AT_ONE_TIME_S = 0.5
 _MOST_LABELS = 6
 
@@ -29,11 +34,14 @@ def draw_run(recording: Recording, comparison: Comparison, title: str, file: Pat
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 2.0, 2.0]})
     figure.suptitle(title)
-    time, amplitude, frequency = recording.predictions
-    cycle = np.where(amplitude > 0.0, amplitude, np.nan)
+    time, amplitude, frequency, kinds = recording.predictions
+    # What is infinite or unknown is marked below, and no number.
+    cycle = np.where(of_outcome(kinds, Outcome.LIMIT_CYCLE), amplitude, np.nan)
+    answered = np.where(of_outcome(kinds, Outcome.NO_LIMIT_CYCLE), 0.0, cycle)
+    bounds = np.where(of_outcome(kinds, Outcome.NOT_PERIODIC), amplitude, np.nan)
     shown = comparison
     _line(axes[0, 0], *recording.velocity, "taxi velocity [m/s]")
-    _pair(axes[1, 0], time, np.degrees(amplitude), shown.time, np.degrees(shown.amplitude),
+    _pair(axes[1, 0], time, np.degrees(answered), shown.time, np.degrees(shown.amplitude),
           "swivel amplitude [deg]")
     _pair(axes[2, 0], time, frequency, shown.time, shown.frequency, "frequency [Hz]")
     velocity = np.interp(time, *recording.velocity) if time.size else time
@@ -42,6 +50,11 @@ def draw_run(recording: Recording, comparison: Comparison, title: str, file: Pat
     _pair(axes[2, 1], velocity, frequency, shown.velocity, shown.frequency, "frequency [Hz]")
     for row in (1, 2):
         axes[row, 1].lines[0].set(linestyle="none", marker="o", markersize=1.5)
+    if np.isfinite(bounds).any():
+        axes[1, 0].plot(time, np.degrees(bounds), **_BOUNDS)
+        axes[1, 1].plot(velocity, np.degrees(bounds), label="predicted bounds, not periodic",
+                        **_BOUNDS)
+    _mark_kinds(axes, recording, velocity)
     changes = _changes(recording)
     _mark_changes(axes[:, 0], changes)
     if recording.velocity[0].size:
@@ -68,7 +81,7 @@ def _line(axis: Axes, x: np.ndarray, y: np.ndarray, label: str) -> None:
 
 def _pair(axis: Axes, x: np.ndarray, y: np.ndarray, measured_x: np.ndarray,
           measured_y: np.ndarray, label: str) -> None:
-    axis.plot(x, y, label="predicted (harmonic balance)", zorder=3, **_PREDICTED)
+    axis.plot(x, y, label="predicted", zorder=3, **_PREDICTED)
     axis.plot(measured_x, measured_y, label="measured, cycle by cycle", **_MEASURED)
     axis.set_ylabel(label)
 
@@ -79,6 +92,22 @@ def _swivel(axis: Axes, recording: Recording) -> None:
         axis.plot(time, np.degrees(position[:, 1]), color="tab:orange", linewidth=0.3)
     axis.set_ylabel("swivel [deg]")
     axis.set_xlabel("time [s]")
+
+
+def _mark_kinds(axes: Any, recording: Recording, velocity: np.ndarray) -> None:
+    """Shade when answers were no ordinary ones; dash the velocities at the lower edge."""
+    time, _, _, kinds = recording.predictions
+    for name, which in MARKED.items():
+        marked = which(kinds)
+        if not marked.any():
+            continue
+        for axis in axes[:, 0]:
+            for begin, end in stretches(marked, time, recording.end):
+                axis.axvspan(begin, end, color=_COLOURS[name], alpha=0.25, linewidth=0.0)
+        for axis in axes[1:, 1]:
+            axis.plot(velocity[marked], np.full(marked.sum(), 0.015), linestyle="none", marker="|",
+                      markersize=8.0, color=_COLOURS[name], transform=axis.get_xaxis_transform(),
+                      label=name)
 
 
 def _mark_changes(axes: Sequence[Axes], changes: Sequence[tuple[float, str]]) -> None:

@@ -13,6 +13,7 @@ from ..bag.reader import read_messages
 from ..contract.messages import CODECS
 from ..contract.records import LimitCycleOrbit
 from ..contract.spec import load_contract
+from .kinds import kind_of_status
 
 Array = NDArray[np.float64]
 
@@ -25,8 +26,9 @@ class Recording:
 
     velocity : (times (v,), taxi velocity (v,) [m/s])
     response : (times (m,), positions (m, 4), rates (m, 4)), the order of the contract's joints
-    predictions : (times (p,), swivel amplitude (p,) [rad], frequency (p,) [Hz]); the amplitude is
-        zero without a limit cycle, and both are NaN without an answer
+    predictions : (times (p,), swivel amplitude (p,) [rad], frequency (p,) [Hz], kind (p,)); the
+        kind of answer says what the amplitude means, see `kinds`; the frequency is NaN without a
+        limit cycle
     damper_changes : (time [s], name, value) of each
     outcomes : how many answers of each kind there were
     damage : what is wrong with the bag; empty when it is whole
@@ -34,10 +36,16 @@ class Recording:
 
     velocity: tuple[Array, Array]
     response: tuple[Array, Array, Array]
-    predictions: tuple[Array, Array, Array]
+    predictions: tuple[Array, Array, Array, Array]
     damper_changes: tuple[tuple[float, str, float], ...]
     outcomes: dict[str, int]
     damage: tuple[str, ...]
+
+    @property
+    def end(self) -> float:
+        """The time [s] of the last sample of the velocity; 0 without any."""
+        time = self.velocity[0]
+        return float(time[-1]) if time.size else 0.0
 
 
 @dataclass
@@ -46,6 +54,7 @@ class _Collected:
     response: list[Any] = field(default_factory=list)
     amplitudes: list[tuple[int, int, float]] = field(default_factory=list)
     frequencies: dict[int, list[float]] = field(default_factory=dict)
+    kinds: dict[int, list[float]] = field(default_factory=dict)
     changes: list[tuple[int, str, float]] = field(default_factory=list)
     outcomes: dict[str, int] = field(default_factory=dict)
 
@@ -74,19 +83,21 @@ def read_recording(bag: Path, namespace: str) -> Recording:
         elif name == "limit_cycle/orbit":
             got.frequencies.setdefault(record.stamp_ns, []).append(_frequency(record))
         elif name == "limit_cycle/status":
-            outcome = record[0].values.get("outcome", "")
+            values = record[0].values
+            outcome = values.get("outcome", "")
             got.outcomes[outcome] = got.outcomes.get(outcome, 0) + 1
+            got.kinds.setdefault(record[0].stamp_ns, []).append(kind_of_status(values))
         elif name in _DAMPER:
             got.changes.append((message.log_time_ns, name, record))
     start = got.velocity[0][0] if got.velocity else 0
-    answers = _paired(got.amplitudes, got.frequencies)
+    answers = _joined(got.amplitudes, got.frequencies, got.kinds)
     return Recording(
         (_times([t for t, _ in got.velocity], start), np.array([v for _, v in got.velocity])),
         (_times([r.stamp_ns for r in got.response], start),
          np.array([r.position for r in got.response]).reshape(-1, len(contract.joints)),
          np.array([r.velocity for r in got.response]).reshape(-1, len(contract.joints))),
-        (_times([t for t, _, _ in answers], start), np.array([a for _, a, _ in answers]),
-         np.array([f for _, _, f in answers])),
+        (_times([answer[0] for answer in answers], start),
+         *np.array([answer[1:] for answer in answers]).reshape(-1, 3).T),
         tuple((1e-9 * (t - start), name, value) for t, name, value in got.changes),
         got.outcomes,
         tuple(messages.damage))
@@ -96,16 +107,17 @@ def _frequency(orbit: LimitCycleOrbit) -> float:
     return 1e9 / float(orbit.times_ns[-1]) if len(orbit.times_ns) else np.nan
 
 
-def _paired(amplitudes: list[tuple[int, int, float]], frequencies: dict[int, list[float]]
-            ) -> list[tuple[int, float, float]]:
-    """Log time, amplitude and frequency of each answer, in order.
+def _joined(amplitudes: list[tuple[int, int, float]], frequencies: dict[int, list[float]],
+            kinds: dict[int, list[float]]) -> list[tuple[int, float, float, float]]:
+    """Log time, amplitude, frequency and kind of each answer, in order.
 
-    Amplitudes and orbits belong together by their stamps. Where several answers have the same
+    Amplitude, orbit and status belong together by their stamps. Where several answers have the same
     one, the last ones do: what a recorder misses of one topic it misses at the beginning.
     """
-    paired = [(time_ns, amplitude, frequencies[stamp_ns].pop())
-              for stamp_ns, time_ns, amplitude in reversed(amplitudes) if frequencies.get(stamp_ns)]
-    return paired[::-1]
+    joined = [(time_ns, amplitude, frequencies[stamp_ns].pop(), kinds[stamp_ns].pop())
+              for stamp_ns, time_ns, amplitude in reversed(amplitudes)
+              if frequencies.get(stamp_ns) and kinds.get(stamp_ns)]
+    return joined[::-1]
 
 
 def _times(stamps_ns: list[int], start_ns: int) -> Array:

@@ -11,6 +11,7 @@ import pytest
 
 from shimmy_ros.cli import ask
 from shimmy_ros.cli.main import main
+from shimmy_ros.resources import resource_directory
 
 
 @pytest.fixture
@@ -77,6 +78,17 @@ def test_what_the_query_does_not_name_is_on_the_command_line(answer):
         "taxi_velocity", "coulomb_torque", "harmonics", "minimum_velocity")] == [33.0, 7.0, 2, 2.0]
 
 
+def test_accuracy_and_limits_are_on_the_command_line(answer, tmp_path):
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("/**:\n  ros__parameters:\n    limits:\n      swivel: 0.1\n")
+    gear = resource_directory("config") / "reference_gear.yaml"
+    damper = next(resource_directory("config").glob("damper_*.yaml"))
+    inputs = answer({}, "--velocity=33", "--accuracy=0.001", f"--gear={gear}", f"--gear={damper}",
+                    f"--gear={limits}")["inputs"]
+    assert inputs["accuracy"] == 0.001
+    assert inputs["limits"] == {"swivel": 0.1, "strut_tilt": 0.2, "tyre_deflection": 0.3}
+
+
 def test_a_query_may_come_from_standard_input(run, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("taxi_velocity: 40\n"))
     status, out, _ = run("-")
@@ -114,6 +126,9 @@ def test_cycles_triggers_and_margins_have_tables_of_their_own(run):
     assert [row["outcome"] for row in all_cycles][:2] == ["trigger", "stable"]
     assert all_cycles[0]["beyond the gear"] == "no"
     assert trigger[0]["starts"] == "disturbance"
+    assert trigger[0]["leads to"] == "limit cycle"
+    assert "beyond limits" not in limit_cycle[0]
+    assert all_cycles[-1]["beyond limits"] == "strut tilt, swivel, tyre deflection"
     assert float(trigger[0]["kick [rad/s]"]) > 0.0
     assert [row["parameter"] for row in margin] == [
         "taxi_velocity", "linear_damping", "quadratic_damping", "coulomb_torque"]
@@ -145,7 +160,7 @@ def test_a_bad_option_is_refused(run, option):
 def test_what_does_not_converge_has_status_1(run, monkeypatch):
     from shimmy_ros.what_if import evaluate
 
-    def failing(point):
+    def failing(point, stable):
         raise ArithmeticError("lost the way")
 
     monkeypatch.setattr(evaluate, "all_cycles", failing)

@@ -422,11 +422,13 @@ def test_measured_cycles_beside_the_predictions(replay):
     assert (status, complaints) == (0, "")
     assert "cycles the median difference is" in printed
     with Path("out.csv").open() as file:
-        rows = [{name: float(value) for name, value in row.items()}
-                for row in csv.DictReader(file)]
-    assert list(rows[0]) == [
+        texts = list(csv.DictReader(file))
+    assert list(texts[0]) == [
         "time_s", "taxi_velocity_m_per_s", "measured_amplitude_rad", "measured_frequency_hz",
-        "predicted_amplitude_rad", "predicted_frequency_hz"]
+        "predicted_amplitude_rad", "predicted_frequency_hz", "predicted_outcome", "beyond_limits"]
+    assert {(row.pop("predicted_outcome"), row.pop("beyond_limits")) for row in texts} == {
+        ("limit_cycle", "no")}
+    rows = [{name: float(value) for name, value in row.items()} for row in texts]
     assert len(rows) in (178, 179)
     assert np.allclose([row["measured_amplitude_rad"] for row in rows], 0.05, rtol=1e-3)
     assert np.allclose([row["measured_frequency_hz"] for row in rows], 15.0, rtol=1e-4)

@@ -5,11 +5,16 @@ import io
 import json
 import signal
 
+import numpy as np
 import pytest
 from matplotlib.image import imread
 
 from shimmy_ros.cli.main import main
+from shimmy_ros.cycles import diagram
 from shimmy_ros.cycles.diagram import Diagram
+from shimmy_ros.cycles.stable_cycle import stable_cycle
+from shimmy_ros.cycles.verdict import Verdict
+from shimmy_ros.ihb.solution import Outcome
 
 NARROW = ["sweep", "coulomb_torque", "--velocity", "40", "--from", "150", "--to", "170",
           "--step", "5"]
@@ -31,6 +36,9 @@ def test_a_sweep_prints_every_value_up_and_down(capsys):
         found = row["outcome"] == "limit_cycle"
         assert row["stable"] == ("true" if found else "")
         assert bool(row["swivel_rad"]) == found
+        assert row["amplitudes_of"] == ("limit_cycle" if found else "")
+        assert (row["beyond_limits"], row["kick_leads_here"]) == ("", "true")
+        assert row["further_stable_cycles"] == "0"
         if found:
             assert 0.06 < float(row["swivel_rad"]) < 0.09
             assert float(row["estimated_error"]) <= 0.01
@@ -87,6 +95,23 @@ def test_an_interruption_leaves_what_is_finished(tmp_path, monkeypatch):
     assert {row["outcome"] for row in rows} == {"limit_cycle"}
 
 
+def test_an_interruption_before_any_branch_leaves_the_answers(tmp_path, monkeypatch):
+    whole = Diagram.judge
+
+    def interrupted(self):
+        for count, verdict in enumerate(whole(self)):
+            if count == 1:
+                signal.raise_signal(signal.SIGINT)
+            yield verdict
+
+    monkeypatch.setattr(Diagram, "judge", interrupted)
+    files = tmp_path / "part.csv", tmp_path / "part.png"
+    assert main([*NARROW, "--csv", str(files[0]), "--plot", str(files[1])]) == 130
+    rows = rows_of(files[0].read_text())
+    assert [row["damper.coulomb_torque"] for row in rows] == ["150.0", "155.0", "155.0", "150.0"]
+    assert files[1].exists()
+
+
 @pytest.mark.parametrize(("arguments", "message"), [
     (["trial", "--from", "0", "--to", "1"], "'trial' is not a parameter"),
     (["trail", "--from", "0", "--to", "0.1"], "--velocity is missing"),
@@ -108,13 +133,66 @@ def test_bad_input_is_refused_in_a_sentence(arguments, message, capsys):
     assert captured.err.count("\n") == 1
 
 
+@pytest.fixture
+def told(monkeypatch):
+    """What values of the friction come to, by outcome; all others as they do."""
+    outcomes = {}
+
+    def verdict(point, settings, start):
+        outcome = outcomes.get(point.damper.coulomb_torque)
+        if outcome is None:
+            return stable_cycle(point, settings, start)
+        envelope = np.array([0.0, 0.6, 0.0, 0.0]) if outcome is Outcome.NOT_PERIODIC else None
+        return Verdict(point, settings, outcome, envelope=envelope, reason="as told")
+
+    monkeypatch.setattr(diagram, "stable_cycle", verdict)
+    return outcomes
+
+
+def test_growth_without_bound_is_an_answer(told, tmp_path, capsys):
+    told |= {170.0: Outcome.UNBOUNDED, 175.0: Outcome.NOT_PERIODIC}
+    files = {kind: tmp_path / f"sweep.{kind}" for kind in ("csv", "json", "png")}
+    assert main(["sweep", "coulomb_torque", "--velocity", "40", "--from", "165", "--to", "175",
+                 "--step", "5", "--direction", "up", "--csv", str(files["csv"]),
+                 "--json", str(files["json"]), "--plot", str(files["png"])]) == 0
+    assert capsys.readouterr().err == ""
+    rows = rows_of(files["csv"].read_text())
+    assert [row["outcome"] for row in rows] == ["no_limit_cycle", "unbounded", "not_periodic"]
+    assert [row["swivel_rad"] for row in rows] == ["", "", "0.6"]
+    assert [row["amplitudes_of"] for row in rows] == ["", "", "envelope"]
+    assert [row["beyond_limits"] for row in rows] == ["", "", "swivel"]
+    points = json.loads(files["json"].read_text())["points"]
+    assert [point["beyond_limits"] for point in points] == [[], [], ["swivel"]]
+    # The band of the one and the mark of the other.
+    colors = imread(files["png"])[..., :3].reshape(-1, 3)
+    for wanted in ((0.993, 0.932, 0.932), (0.58, 0.404, 0.741)):
+        assert (np.abs(colors - wanted).max(axis=1) < 0.02).any()
+
+
+def test_what_did_not_converge_has_status_1_and_its_row(told, capsys):
+    told[170.0] = Outcome.NOT_CONVERGED
+    assert main([*NARROW, "--direction", "up"]) == 1
+    captured = capsys.readouterr()
+    assert [row["outcome"] for row in rows_of(captured.out)][-1] == "not_converged"
+    assert rows_of(captured.out)[-1]["kick_leads_here"] == ""
+    assert captured.err == ("shimmy: did not converge: damper.coulomb_torque 170: "
+                            "as told\n")
+
+
+def test_below_the_minimum_velocity_the_tyre_does_not_roll(capsys):
+    assert main(["sweep", "--from", "4", "--to", "20", "--step", "8", "--minimum-velocity", "5",
+                 "--direction", "up"]) == 0
+    assert [row["outcome"] for row in rows_of(capsys.readouterr().out)] == [
+        "not_rolling", "limit_cycle", "limit_cycle"]
+
+
 def test_a_balance_that_sticks_is_no_answer(capsys):
     """At 10 m/s the swivel begins to stick before the fold, which the balance cannot see."""
-    assert main(["sweep", "coulomb_torque", "--velocity", "10", "--from", "60", "--to", "120",
+    assert main(["sweep", "coulomb_torque", "--velocity", "10", "--from", "60", "--to", "100",
                  "--step", "20", "--method", "ihb", "--direction", "up"]) == 1
     captured = capsys.readouterr()
     outcomes = [row["outcome"] for row in rows_of(captured.out)]
     assert outcomes[0] == "limit_cycle"
-    assert outcomes[1:] == 3 * ["not_converged"]
+    assert outcomes[1:] == 2 * ["not_converged"]
     assert "did not converge" in captured.err
-    assert "sticks" in captured.err
+    assert "a motion settles where the balance has no cycle" in captured.err

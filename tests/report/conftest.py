@@ -43,22 +43,24 @@ class MadeUpRun:
         """A sample of the taxi velocity."""
         self.add("taxi_velocity", time_s, TaxiVelocity(nanoseconds(time_s), velocity))
 
-    def answer(self, time_s, amplitude, frequency, sample_s=None, missed=()):
-        """An answer of the predictor; amplitude 0 or NaN without a cycle."""
+    def answer(self, time_s, amplitude, frequency=math.nan, sample_s=None, missed=(),
+               outcome=None, beyond=""):
+        """An answer of the predictor; amplitude 0, infinite or NaN without a cycle."""
         stamp_ns = nanoseconds(time_s if sample_s is None else sample_s)
-        outcome = {True: "limit_cycle", False: "no_limit_cycle"}[amplitude > 0.0]
-        if math.isnan(amplitude):
-            outcome = "not_rolling"
+        if outcome is None:
+            outcome = {0.0: "no_limit_cycle", math.inf: "unbounded"}.get(amplitude, "limit_cycle")
+            if math.isnan(amplitude):
+                outcome = "not_rolling"
         four = (0.1 * amplitude, amplitude, 1.1 * amplitude, 0.2 * amplitude)
-        count = 65 if amplitude > 0.0 else 0
-        times = np.rint(np.linspace(0.0, 1e9 / frequency, count)).astype(np.int64)
+        count = 65 if outcome == "limit_cycle" else 0
+        times = np.rint(np.linspace(0.0, 1e9 / frequency if count else 0.0, count)).astype(np.int64)
         records = {
             "limit_cycle/amplitude": LimitCycleAmplitude(stamp_ns, four, four),
             "limit_cycle/frequency": frequency,
             "limit_cycle/orbit": LimitCycleOrbit(
                 stamp_ns, times, np.zeros((count, 4)), np.zeros((count, 4))),
             "limit_cycle/status": (Status(stamp_ns, "predictor: limit cycle", "x", Level.OK, "",
-                                          {"outcome": outcome}),)}
+                                          {"outcome": outcome, "beyond_limits": beyond}),)}
         for topic, record in records.items():
             if topic not in missed:
                 self.add(topic, time_s, record)
@@ -98,7 +100,23 @@ def landing():
     return run
 
 
+def perilous():
+    """Shimmy, beyond the limits from 1 s on, unbounded from 2 s, not periodic from 3 s, and from
+    4 s to 5 s not converged; from 50 m/s on, 10 m/s slower every second."""
+    run = MadeUpRun()
+    for index in range(51):
+        run.velocity(0.1 * index, 50.0 - index)
+        kind = min(index // 10, 4)
+        run.answer(0.1 * index, *[
+            (0.1, 10.0), (0.8, 9.0), (math.inf,), (0.3,), (math.nan,)][kind],
+            outcome=["limit_cycle", "limit_cycle", "unbounded", "not_periodic",
+                     "not_converged"][kind],
+            beyond="swivel 0.8 rad > 0.5 rad" if kind == 1 else "")
+    run.swivel(np.arange(0.0, 5.0, 0.002), 0.2, 10.0)
+    return run
+
+
 @pytest.fixture
 def made_up():
-    """How to make up runs, and one of them."""
-    return SimpleNamespace(Run=MadeUpRun, landing=landing, namespace=NAMESPACE)
+    """How to make up runs, and some of them."""
+    return SimpleNamespace(Run=MadeUpRun, landing=landing, perilous=perilous, namespace=NAMESPACE)

@@ -83,6 +83,31 @@ def test_a_run_without_shimmy(made_up, tmp_path):
         "1 predictions, 0 measured cycles, none of them where a limit cycle was predicted")
 
 
+def test_answers_that_are_no_ordinary_ones_are_named_and_no_numbers(made_up, tmp_path):
+    recording = read_recording(made_up.perilous().write(tmp_path / "bag"), made_up.namespace)
+    found = compare(recording)
+    line = summary(found, recording)
+    assert line.startswith("shimmy from 49.0 to 31.0 m/s, swivel up to 11.5 deg measured and 45.8 ")
+    assert "nan" not in line
+    assert "inf" not in line
+    assert line.endswith(
+        "(51 predictions); unbounded for 1.0 s, from 30.0 to 21.0 m/s; beyond the model's limits "
+        "for 1.0 s, from 40.0 to 31.0 m/s; not periodic for 1.0 s, from 20.0 to 11.0 m/s; not "
+        "converged for 1.0 s, from 10.0 to 0.0 m/s")
+
+
+def test_a_run_of_nothing_but_unbounded_answers(made_up, tmp_path):
+    run = made_up.Run()
+    for index in range(11):
+        run.velocity(0.1 * index, 40.0)
+        run.answer(0.1 * index, np.inf)
+    run.swivel(np.arange(0.0, 1.0, 0.002), 0.1, 10.0)
+    recording = read_recording(run.write(tmp_path / "bag"), made_up.namespace)
+    assert summary(compare(recording), recording) == (
+        "11 predictions, 8 measured cycles, none of them where a limit cycle was predicted; "
+        "unbounded for 1.0 s, from 40.0 to 40.0 m/s")
+
+
 def test_an_empty_run(made_up, tmp_path):
     recording = read_recording(made_up.Run().write(tmp_path / "bag"), made_up.namespace)
     found = compare(recording)

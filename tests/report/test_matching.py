@@ -21,10 +21,10 @@ def matched(time, position, rate, velocity=None):
     velocity = np.zeros_like(time) if velocity is None else velocity
     found = []
     for row in zip(time, position, rate, velocity, strict=True):
-        found += matcher.add(Sample(*row, row[3] + 1.0, row[3] + 2.0))
+        found += matcher.add(Sample(*row, row[3] + 1.0, row[3] + 2.0, row[3] + 3.0))
     found += matcher.finish()
     columns = ("time", "velocity", "amplitude", "frequency", "predicted_amplitude",
-               "predicted_frequency")
+               "predicted_frequency", "kind")
     return {name: np.concatenate([np.zeros(0), *(getattr(part, name) for part in found)])
             for name in columns}, matcher
 
@@ -54,6 +54,7 @@ def test_a_stream_has_the_cycles_of_the_whole(monkeypatch, block):
     assert ((behind >= 0.0) & (behind <= 1.0 / 400.0 + 1e-9)).all()
     assert np.array_equal(found["predicted_amplitude"], found["velocity"] + 1.0)
     assert np.array_equal(found["predicted_frequency"], found["velocity"] + 2.0)
+    assert np.array_equal(found["kind"], found["velocity"] + 3.0)
 
 
 def test_unknown_rates_are_taken_from_a_spline(monkeypatch):
@@ -94,10 +95,10 @@ def test_memory_does_not_grow(monkeypatch):
     largest = 0
     for number in range(30_000):
         # Never below zero: no cycle is ever complete.
-        for _ in matcher.add(Sample(0.01 * number, 0.1, 0.0, 0.0, 0.0, 0.0)):
+        for _ in matcher.add(Sample(0.01 * number, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)):
             pass
         largest = max(largest, len(matcher._values))
-    assert largest <= 6000 + 6 * (2 * 100 + 1)
+    assert largest <= 6000 + 7 * (2 * 100 + 1)
 
 
 def test_time_that_jumps_back_begins_anew():
