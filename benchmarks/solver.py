@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg.lapack import dgesv
 
 from shimmy_ros.cycles.grid import GridPoints, predict_grid
+from shimmy_ros.cycles.settings import Settings
 from shimmy_ros.gear.parameter_file import reference_parameters
 from shimmy_ros.gear.system import OperatingPoint, family_between, gear_system
 from shimmy_ros.ihb.balance import recovered
@@ -199,7 +200,8 @@ def grid_figures(cores: int) -> Iterator[tuple[str, Spread, str]]:
                         np.concatenate(rows), np.full(10000, DAMPER.coulomb_torque))
 
     def solve(threads: int) -> None:
-        if not (predict_grid(points, HARMONICS, threads=threads).outcome == "limit_cycle").all():
+        found = predict_grid(points, Settings(HARMONICS), threads=threads)
+        if not (found.outcome == "limit_cycle").all():
             raise RuntimeError("a point of the grid has no answer")
 
     found, one, _ = ratio((lambda: solve(1), 1), (lambda: solve(cores), 1), 5)
