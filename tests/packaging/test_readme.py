@@ -32,3 +32,9 @@ def test_every_linked_file_exists():
 
 def test_the_two_commands_come_first():
     assert README.index("make demo") < README.index("make test") < README.index("\n## ")
+
+
+def test_every_package_is_in_the_map():
+    listed = re.findall(r"^    ([\w/]+)/ +\S", README.split("## What is where")[1], re.M)
+    found = (*ROOT.glob("shimmy_ros/*/__init__.py"), ROOT / "benchmarks" / "__init__.py")
+    assert sorted(listed) == sorted(path.parent.relative_to(ROOT).as_posix() for path in found)
