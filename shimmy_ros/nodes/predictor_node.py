@@ -80,7 +80,7 @@ class PredictorNode(GearNode):
         self.on_change()
 
     def on_velocity(self, sample: TaxiVelocity) -> None:
-        """Answer the sample; the queue holds one, so that it is the newest there is."""
+        """Answer the sample; the queue is short, so that of a flood the newest are answered."""
         jump = self._session.take(sample, self._velocity_received_ns)
         if jump:
             self.get_logger().warning(jump, throttle_duration_sec=5.0)
