@@ -91,16 +91,21 @@ def refined(system: System, guess: Guess, settings: Settings, budget: Budget) ->
     One that is not stable is shooting's. None where there is none or, for lack of shooting, its
     stability cannot be told. Raises BudgetError.
     """
-    balanced, missed = _by_balance(system, guess, settings, budget)
-    if balanced is not None or settings.method == BALANCE:
-        return balanced
+    series, missed = _by_balance(system, guess, settings, budget)
+    if series is not None or settings.method == BALANCE:
+        return series
     shot = shoot(system, *guess.start(), budget)
     if shot is None or not guess.near(shot):
         return None
     if shot.stable and missed:
         # The guess may have been too far off for the balance.
-        balanced, _ = _by_balance(system, guess_from_orbit(shot), settings, budget)
-    return balanced or shot
+        series = balanced(system, guess_from_orbit(shot), settings, budget)
+    return series or shot
+
+
+def balanced(system: System, guess: Guess, settings: Settings, budget: Budget) -> Orbit | None:
+    """As refined, by the balance alone."""
+    return _by_balance(system, guess, settings, budget)[0]
 
 
 def balance_near(system: System, guess: Guess, settings: Settings, budget: Budget

@@ -22,8 +22,8 @@ from ..ihb.solution import Outcome
 from .budget import Budget, BudgetError
 from .kicks import KICKS, SAME, Course, Fate, Kicks
 from .orbits import Orbit
-from .refinement import balance_near, guess_from_orbit, refined
-from .settings import Settings
+from .refinement import balance_near, balanced, guess_from_orbit
+from .settings import SHOOTING, Settings
 from .verdict import Kick, Ladder, Verdict
 
 # An error below this part of what is allowed is not estimated anew nearby.
@@ -78,9 +78,10 @@ def _decided(point: OperatingPoint, settings: Settings, start: Verdict | None, b
 
 def _carried(point: OperatingPoint, settings: Settings, start: Verdict, budget: Budget
              ) -> tuple[list[Orbit], bool]:
-    """The stable cycles of ``start`` as they are at ``point``, as far as they are found there.
+    """The stable cycles of ``start`` as they are at ``point``, as far as the balance finds them.
 
-    And whether the error of the only one was not estimated anew.
+    And whether the error of the only one was not estimated anew. Where friction sticks, cycles may
+    lie so close together that shooting's choice depends on where it begins: those are found anew.
     """
     system, ladder = gear_system(point), start.ladder
     if ladder is not None and start.orbit is not None and (
@@ -91,9 +92,10 @@ def _carried(point: OperatingPoint, settings: Settings, start: Verdict, budget: 
             return [orbit], True
     found: list[Orbit] = []
     for orbit in start.stable_cycles:
-        here = refined(system, guess_from_orbit(orbit), settings, budget)
-        if here is not None and here.stable and not any(
-                here.same_as(other, SAME) for other in found):
+        if orbit.method == SHOOTING:
+            continue
+        here = balanced(system, guess_from_orbit(orbit), settings, budget)
+        if here is not None and not any(here.same_as(other, SAME) for other in found):
             found.append(here)
     return found, False
 

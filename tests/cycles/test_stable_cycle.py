@@ -291,7 +291,9 @@ def test_over_the_velocity_warm_answers_are_the_cold_ones(name):
             verdict = predictor.predict(item)
             warm += verdict.warm
             assert_same_answer(verdict, expected)
-        assert warm > 0
+        # What shooting found is found anew.
+        assert warm > 0 or all(verdict.orbit is None or verdict.orbit.method == SHOOTING
+                               for verdict in cold)
 
 
 def test_what_is_known_next_door_of_other_cycles_changes_nothing():
